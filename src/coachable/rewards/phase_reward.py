@@ -1,0 +1,108 @@
+"""r_or, the orthant reward, for any behaviour: a classifier, and a table of what steps between phases pay."""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, Int8
+
+from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.suggestion import suggestion
+from coachable.errors import ParameterError
+from coachable.rewards.classifier import Classifier
+
+Variant = Literal["stay", "equation", "released"]
+
+Edges = frozenset[tuple[int, int]]
+
+
+def _stay(previous: int, current: int, edges: Edges, outside: int) -> bool:
+    inside = current != outside
+    return inside and (current == previous or previous == outside or (previous, current) in edges)
+
+
+def _equation(previous: int, current: int, edges: Edges, outside: int) -> bool:
+    return current != outside and (previous == outside or (previous, current) in edges)
+
+
+def _released(previous: int, current: int, edges: Edges, outside: int) -> bool:
+    last, now = (-1 if phase == outside else phase + 1 for phase in (previous, current))
+    return now == last or now == (last + 1) % (outside + 1)
+
+
+_PAYS: Mapping[Variant, Callable[[int, int, Edges, int], bool]] = MappingProxyType(
+    {"stay": _stay, "equation": _equation, "released": _released}
+)
+
+VARIANTS: tuple[Variant, ...] = tuple(_PAYS)
+"""The readings of the paper's equation (r_or)."""
+
+
+def reward_table(behaviour: Behaviour, variant: Variant) -> Int8[np.ndarray, "previous current"]:
+    """What r_or pays, +1 or −1, for going from a location (row) to a location (column); the last is outside.
+
+    With Q the phases, E the edges, p the previous and c the current location, the table holds +1 where
+
+    - `stay`: c ∈ Q and (c = p or p ∉ Q or (p, c) ∈ E). What the paper's figure of the reward says.
+    - `equation`: c ∈ Q and (p ∉ Q or (p, c) ∈ E). What its equation (r_or) says: without a self-loop in
+      E, staying in a phase is punished.
+    - `released`: n(c) = n(p) or n(c) = (n(p) + 1) mod (K+1), with the phases numbered n = 1 … K in their
+      order and n = −1 outside. What the released code does (`_reward_follow_orthant_sequence`), which
+      knows no edges: staying outside pays, entering from outside does not, and neither does going from
+      the last phase to the first.
+
+    **Raises:** `ParameterError` for an unknown variant.
+    """
+    if variant not in _PAYS:
+        raise ParameterError(f"unknown reward variant {variant!r}; {suggestion(variant, VARIANTS)}")
+    outside = len(behaviour.phases)
+    index = {name: position for position, name in enumerate(behaviour.phase_names)}
+    edges = frozenset((index[edge.source], index[edge.target]) for edge in behaviour.edges)
+    locations = range(outside + 1)
+    pays = [
+        [_PAYS[variant](previous, current, edges, outside) for current in locations] for previous in locations
+    ]
+    return np.where(pays, 1, -1).astype(np.int8)
+
+
+class PhaseReward(eqx.Module):
+    """r_or of a behaviour: where a state is, and what it pays to have come there.
+
+    A location is a phase 0 … K−1, K outside all of them, or, only as the previous one, K+1: *none yet*,
+    before anything was seen. The row of *none yet* is all 0, so whoever steps an environment carries one
+    integer and never asks whether there is a previous location. A run that starts from a known state
+    starts from that state's location; one that starts like the released code starts from *none yet*, and
+    its first step pays nothing.
+    """
+
+    table: Int8[Array, "previous current"]
+    classifier: Classifier = eqx.field(static=True)
+
+    @staticmethod
+    def of(behaviour: Behaviour, variant: Variant = "stay") -> "PhaseReward":
+        """The phase reward of a behaviour; see `reward_table` for the variants."""
+        table = np.pad(reward_table(behaviour, variant), ((0, 1), (0, 0)))
+        return PhaseReward(jnp.asarray(table), Classifier.of(behaviour))
+
+    @property
+    def outside(self) -> int:
+        """K, the location of a state in no phase."""
+        return self.classifier.outside
+
+    @property
+    def none_yet(self) -> int:
+        """K+1, the previous location before anything was seen."""
+        return self.classifier.outside + 1
+
+    def locate(self, signals: Float[Array, "*batch num_signals"]) -> Int[Array, "*batch"]:
+        """𝒪(x): the location of a state; see `Classifier`."""
+        return self.classifier(signals)
+
+    def __call__(
+        self, current: Int[Array, "*batch"], previous: Int[Array, "*batch"]
+    ) -> Int8[Array, "*batch"]:
+        """r_or(𝒪(x_t), 𝒪(x_{t−1})), for locations from `locate`; the previous one may be `none_yet`."""
+        return self.table[previous, current]

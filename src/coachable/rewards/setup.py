@@ -1,0 +1,77 @@
+"""Reward setups: the weights of the reward's terms, and the paper's four by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+from coachable.behaviours.suggestion import suggestion
+from coachable.errors import ParameterError
+
+Semantics = Literal["paper", "released-code"]
+
+TERM_NAMES = ("jerk", "distance", "fall", "forward", "orthant")
+"""The order of the reward's terms, and of their weights, wherever they stand in an array."""
+
+
+@dataclass(frozen=True)
+class RewardSetup:
+    """How much each term of the reward counts. The defaults are the weights that the paper's setups share.
+
+    **Raises:** `ParameterError` for an empty name or a weight that is not a finite number.
+    """
+
+    name: str
+    jerk: int | float = -0.001
+    """ω_jerk, for each N m (`paper`) or N² m² (`released-code`) by which the torques change in a step."""
+    distance: int | float = 1.0
+    """ω_dist, for each m walked by the end of the episode."""
+    fall: int | float = -10.0
+    """ω_fall, for falling."""
+    forward: int | float = 0.0
+    """ω_for, for each step in which the hip moves forward; −ω_for for one in which it does not."""
+    orthant: int | float = 0.0
+    """ω_or, for each step that follows the behaviour; −ω_or for one that does not."""
+
+    def __post_init__(self):
+        if not self.name.strip():
+            raise ParameterError("a reward setup needs a name")
+        for term in TERM_NAMES:
+            weight = getattr(self, term)
+            if isinstance(weight, bool) or not isinstance(weight, int | float) or not math.isfinite(weight):
+                raise ParameterError(
+                    f"reward setup {self.name!r}: the weight {term} is {weight!r}; give a finite number"
+                )
+            object.__setattr__(self, term, float(weight))
+
+    @property
+    def weights(self) -> tuple[float, float, float, float, float]:
+        """The weights in the order of `TERM_NAMES`."""
+        return (self.jerk, self.distance, self.fall, self.forward, self.orthant)
+
+
+PAPER_SETUPS: Mapping[str, RewardSetup] = MappingProxyType(
+    {
+        setup.name: setup
+        for setup in (
+            RewardSetup("sparse"),
+            RewardSetup("forward", forward=0.01),
+            RewardSetup("orthant", orthant=0.01),
+            RewardSetup("forward+orthant", forward=0.005, orthant=0.005),
+        )
+    }
+)
+"""The paper's four setups (its table of weights), by name."""
+
+
+def paper_setup(name: str) -> RewardSetup:
+    """One of the paper's four setups.
+
+    **Raises:** `ParameterError` for another name, with the nearest one.
+    """
+    if name not in PAPER_SETUPS:
+        raise ParameterError(f"unknown reward setup {name!r}; {suggestion(name, PAPER_SETUPS)}")
+    return PAPER_SETUPS[name]

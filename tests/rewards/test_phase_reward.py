@@ -1,0 +1,155 @@
+import itertools
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from coachable.behaviours import Behaviour, Comparison, Edge, Phase, Signal, load_behaviour
+from coachable.rewards.phase_reward import VARIANTS, PhaseReward, reward_table
+
+
+@st.composite
+def graphs(draw):
+    """The number of phases, one to five, and any edges between them."""
+    locations = range(draw(st.integers(1, 5)))
+    pairs = st.sampled_from(list(itertools.product(locations, locations)))
+    return len(locations), draw(st.lists(pairs, max_size=8, unique=True))
+
+
+def behaviour_of(graph):
+    count, pairs = graph
+    phases = tuple(Phase(f"P{index}", "", Comparison("x", ">", index)) for index in range(count))
+    edges = tuple(Edge(f"P{source}", f"P{target}") for source, target in pairs)
+    return Behaviour("random", "", (Signal("x"),), phases, edges)
+
+
+WALKING = load_behaviour("compass-walking")
+
+
+def printed_case_list(before, now, q, e):
+    """Eq. (r_or) of the paper, case by case; a location is the name of a phase or of another orthant."""
+    if before in q and now in q and (before, now) in e:
+        return +1
+    if before not in q and now in q:
+        return +1
+    return -1
+
+
+def caption_of_the_figure(before, now, q, e):
+    """The figure's caption: staying in or entering the cycle pays, leaving it or going wrong is punished."""
+    if now not in q:
+        return -1
+    stays, enters, follows = before == now, before not in q, (before, now) in e
+    return +1 if stays or enters or follows else -1
+
+
+def released_rule(last, current, num_phases):
+    """`_reward_follow_orthant_sequence` of the released code, where `num_phases` is 4."""
+    return 1 if current == last or current == np.mod(last + 1, num_phases + 1) else -1
+
+
+def table_by(rule, behaviour):
+    names = [*behaviour.phase_names, "elsewhere"]
+    q = set(behaviour.phase_names)
+    e = {(edge.source, edge.target) for edge in behaviour.edges}
+    return [[rule(before, now, q, e) for now in names] for before in names]
+
+
+@given(graphs())
+def test_equation_is_the_printed_case_list(graph):
+    behaviour = behaviour_of(graph)
+    assert reward_table(behaviour, "equation").tolist() == table_by(printed_case_list, behaviour)
+
+
+@given(graphs())
+def test_stay_is_the_caption_of_the_figure(graph):
+    behaviour = behaviour_of(graph)
+    assert reward_table(behaviour, "stay").tolist() == table_by(caption_of_the_figure, behaviour)
+
+
+@given(graphs())
+def test_stay_is_the_equation_with_a_self_loop_on_every_phase(graph):
+    behaviour = behaviour_of(graph)
+    loops = {Edge(name, name) for name in behaviour.phase_names} - set(behaviour.edges)
+    looped = Behaviour("looped", "", behaviour.signals, behaviour.phases, (*behaviour.edges, *loops))
+    np.testing.assert_array_equal(reward_table(behaviour, "stay"), reward_table(looped, "equation"))
+
+
+@given(graphs())
+def test_released_is_the_released_rule(graph):
+    behaviour = behaviour_of(graph)
+    count = len(behaviour.phases)
+    numbers = [*range(1, count + 1), -1]
+    expected = [[released_rule(last, now, count) for now in numbers] for last in numbers]
+    assert reward_table(behaviour, "released").tolist() == expected
+
+
+def test_the_tables_of_ideal_walking():
+    assert reward_table(WALKING, "stay").tolist() == [
+        [+1, +1, -1, -1, -1],
+        [-1, +1, +1, -1, -1],
+        [-1, -1, +1, +1, -1],
+        [+1, -1, -1, +1, -1],
+        [+1, +1, +1, +1, -1],
+    ]
+    assert reward_table(WALKING, "equation").tolist() == [
+        [-1, +1, -1, -1, -1],
+        [-1, -1, +1, -1, -1],
+        [-1, -1, -1, +1, -1],
+        [+1, -1, -1, -1, -1],
+        [+1, +1, +1, +1, -1],
+    ]
+    assert reward_table(WALKING, "released").tolist() == [
+        [+1, +1, -1, -1, -1],
+        [-1, +1, +1, -1, -1],
+        [-1, -1, +1, +1, -1],
+        [-1, -1, -1, +1, -1],
+        [-1, -1, -1, -1, +1],
+    ]
+
+
+def test_events_do_not_matter_to_the_reward():
+    silent = Behaviour(
+        "silent", "", WALKING.signals, WALKING.phases, tuple(Edge(e.source, e.target) for e in WALKING.edges)
+    )
+    for variant in VARIANTS:
+        np.testing.assert_array_equal(reward_table(silent, variant), reward_table(WALKING, variant))
+
+
+def test_without_the_tests_type_checks_an_unknown_variant_is_refused_with_the_nearest_one():
+    program = (
+        "from coachable.behaviours import load_behaviour;"
+        "from coachable.rewards.phase_reward import reward_table;"
+        "reward_table(load_behaviour('compass-walking'), 'equations')"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert "ParameterError: unknown reward variant 'equations'; did you mean 'equation'?" in done.stderr
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_the_phase_reward_looks_up_the_table_and_pays_nothing_before_anything_was_seen(variant):
+    reward = PhaseReward.of(WALKING, variant)
+    table = reward_table(WALKING, variant)
+    locations = jnp.arange(reward.outside + 1)
+    pay = jax.jit(jax.vmap(jax.vmap(reward, in_axes=(0, None)), in_axes=(None, 0)))
+    np.testing.assert_array_equal(pay(locations, locations), table)
+    np.testing.assert_array_equal(pay(locations, jnp.array([reward.none_yet])), np.zeros((1, 5)))
+
+
+def test_a_state_is_paid_through_its_location():
+    reward = PhaseReward.of(WALKING)
+    trails, leads = jnp.array([0.1, -0.1, -1.0, 1.0]), jnp.array([0.1, 0.1, -1.0, 1.0])
+    assert reward(reward.locate(leads), reward.locate(trails)) == 1
+    assert reward(reward.locate(trails), reward.locate(leads)) == -1
+    start = jnp.array([0.0, 0.0, -0.4, 2.0])
+    assert reward.locate(start) == reward.outside
+
+
+def test_only_the_table_is_traced():
+    leaves = jax.tree.leaves(PhaseReward.of(WALKING))
+    assert [leaf.shape for leaf in leaves] == [(6, 5)]

@@ -1,0 +1,110 @@
+import dataclasses
+import os
+import subprocess
+import sys
+
+import pytest
+
+from coachable.behaviours import All, Behaviour, Comparison, Edge, Not, Phase, load_behaviour
+from coachable.rewards.reward_hash import reward_hash
+from coachable.rewards.setup import PAPER_SETUPS, RewardSetup
+
+WALKING = load_behaviour("compass-walking")
+ORTHANT = PAPER_SETUPS["orthant"]
+
+
+def hash_of(behaviour=WALKING, variant="stay", semantics="paper", setup=ORTHANT):
+    return reward_hash(behaviour, variant, semantics, setup)
+
+
+def with_predicate(index, change):
+    phases = list(WALKING.phases)
+    phases[index] = dataclasses.replace(phases[index], predicate=change(phases[index].predicate))
+    return dataclasses.replace(WALKING, phases=tuple(phases))
+
+
+def test_it_is_a_sha256_and_the_same_in_every_process():
+    program = (
+        "from coachable.behaviours import load_behaviour as b;"
+        "from coachable.rewards.setup import PAPER_SETUPS as s;"
+        "from coachable.rewards.reward_hash import reward_hash as h;"
+        "print(h(b('compass-walking'), 'stay', 'paper', s['orthant']))"
+    )
+    environment = os.environ | {"PYTHONHASHSEED": "17"}
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=environment
+    )
+    assert done.stdout.strip() == hash_of()
+    assert len(hash_of()) == 64
+
+
+def renamed_phases(behaviour):
+    new = {name: f"{name}-renamed" for name in behaviour.phase_names}
+    return dataclasses.replace(
+        behaviour,
+        phases=tuple(Phase(new[phase.name], "another title", phase.predicate) for phase in behaviour.phases),
+        edges=tuple(Edge(new[edge.source], new[edge.target], edge.event) for edge in behaviour.edges),
+    )
+
+
+@pytest.mark.parametrize(
+    "same",
+    [
+        dataclasses.replace(WALKING, name="another", description="Another text."),
+        renamed_phases(WALKING),
+        dataclasses.replace(
+            WALKING, edges=tuple(Edge(edge.source, edge.target) for edge in reversed(WALKING.edges))
+        ),
+        dataclasses.replace(WALKING, signals=tuple(reversed(WALKING.signals))),
+        with_predicate(0, lambda p: All(*reversed(p.parts), p.parts[0])),
+        with_predicate(1, lambda p: Not(Not(p))),
+        Behaviour.from_json(WALKING.to_json()),
+    ],
+    ids=[
+        "description",
+        "titles",
+        "edge order and events",
+        "signal order",
+        "part order",
+        "double negation",
+        "JSON",
+    ],
+)
+def test_the_text_does_not_matter(same):
+    assert hash_of(same) == hash_of()
+
+
+def test_the_name_of_the_setup_does_not_matter():
+    assert hash_of(setup=dataclasses.replace(ORTHANT, name="another")) == hash_of()
+    assert hash_of(setup=dataclasses.replace(ORTHANT, forward=-0.0)) == hash_of()
+
+
+def test_all_that_is_paid_matters():
+    different = [
+        hash_of(),
+        hash_of(with_predicate(0, lambda p: All(Comparison("theta_1", ">", 1e-9), *p.parts[1:]))),
+        hash_of(with_predicate(0, lambda p: All(Comparison("theta_1", ">=", 0), *p.parts[1:]))),
+        hash_of(with_predicate(0, lambda p: All(Comparison("theta_2", ">", 0), *p.parts[1:]))),
+        hash_of(load_behaviour("compass-walking-released")),
+        hash_of(dataclasses.replace(WALKING, edges=WALKING.edges[1:])),
+        hash_of(dataclasses.replace(WALKING, edges=(*WALKING.edges, Edge("O1", "O3")))),
+        hash_of(dataclasses.replace(WALKING, phases=tuple(reversed(WALKING.phases)))),
+        hash_of(variant="equation"),
+        hash_of(variant="released"),
+        hash_of(semantics="released-code"),
+        *(
+            hash_of(setup=dataclasses.replace(ORTHANT, **{term: weight}))
+            for term, weight in [
+                ("jerk", -0.0011),
+                ("distance", 2),
+                ("fall", -9),
+                ("forward", 1),
+                ("orthant", 0.011),
+            ]
+        ),
+    ]
+    assert len(set(different)) == len(different)
+
+
+def test_setups_with_equal_weights_are_paid_alike():
+    assert hash_of(setup=RewardSetup("mine", orthant=0.01)) == hash_of()
