@@ -1,0 +1,313 @@
+"""The walking task pays and ends as both semantics say, line by line, and across episodes."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from coachable.behaviours import Behaviour, Comparison, Phase, Signal, load_behaviour
+from coachable.envs.walking_task import NO_BOX, make_task
+from coachable.errors import ParameterError
+from coachable.plants import START, ChatterRule, CompassParameters, CompassWalker, Outcome, advance
+from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, RewardSetup
+
+SETUP = RewardSetup("mixed", forward=0.3, orthant=0.7)
+PAPER, RELEASED = "paper", "released-code"
+each_semantics = pytest.mark.parametrize("semantics", [PAPER, RELEASED])
+
+pytestmark = pytest.mark.usefixtures("x64")
+
+
+class LineByLine:
+    """Both semantics in plain Python, with attributes that live as long as they should."""
+
+    def __init__(self, semantics, seconds, shared_evaluation_every=0):
+        self.released = semantics == RELEASED
+        self.num_steps = round(seconds / 0.01)
+        self.every = shared_evaluation_every
+        self.total = 0
+        self.last_action = self.last_orthant = None
+        walker = CompassWalker(backward_passing_counts=self.released)
+        rule = {"chatter": ChatterRule(None, 1e-3)} if self.released else {}
+        self.advance = jax.jit(lambda x, foot_x, u: advance(walker, x, foot_x, u, 0.01, **rule))
+        self.reset()
+
+    def reset(self):
+        self.x, self.foot_x, self.step_count, self.last_hip = np.array(START), 0.0, 0, None
+        if not self.released:
+            self.last_action, self.last_orthant, self.last_hip = None, self.orthant(self.x), 0.0
+
+    def orthant(self, x):
+        """1 … 4, or −1 outside; a zero is a minus in the paper and nowhere in the code."""
+        signs = {"+--+": 1, "++-+": 2, "-+-+": 3, "-+--": 4}
+        if self.released and (x == 0).any():
+            return -1
+        return signs.get("".join("+" if value > 0 else "-" for value in x), -1)
+
+    def step(self, u):
+        self.total += 1
+        self.step_count += 1
+        moved = self.advance(jnp.asarray(self.x), jnp.asarray(self.foot_x), jnp.asarray(u))
+        fell = int(moved.outcome) != Outcome.WALKING
+        if self.released and int(moved.outcome) == Outcome.FELL:
+            self.x, self.foot_x = np.array(moved.segment_x), float(moved.segment_foot_x)
+        else:
+            self.x, self.foot_x = np.array(moved.x), float(moved.foot_x)
+        x, hip, done = self.x, self.foot_x - np.sin(self.x[0]), fell or self.step_count == self.num_steps
+        terms = dict.fromkeys(TERM_NAMES, 0.0)
+        if self.last_action is not None:
+            change = np.sum((u - self.last_action) ** 2)
+            terms["jerk"] = change if self.released else np.sqrt(change)
+        if done and self.released:
+            terms["distance"] = self.foot_x
+        elif done and not fell:
+            terms["distance"] = hip
+        terms["fall"] = float(fell)
+        if self.last_hip is not None:
+            terms["forward"] = 1.0 if hip > self.last_hip else -1.0
+        orthant, last = self.orthant(x), self.last_orthant
+        if self.released:
+            if last is not None:
+                terms["orthant"] = 1.0 if orthant in (last, (last + 1) % 5) else -1.0
+        else:
+            follows = orthant == last or last == -1 or orthant == last % 4 + 1
+            terms["orthant"] = 1.0 if orthant != -1 and follows else -1.0
+        self.last_action, self.last_orthant, self.last_hip = u, orthant, hip
+        observation = self.x
+        if self.every and self.total % self.every == 0:
+            self.x, self.foot_x = np.array(START), 0.0
+        return observation, np.array(list(terms.values())), done, fell
+
+
+def random_torques(seed, num):
+    """Sometimes walking, sometimes wild, so that episodes end in every way."""
+    rng = np.random.default_rng(seed)
+    walking = np.array([-1.35, -0.18]) + rng.normal(0, 0.02, (num, 2))
+    wild = rng.uniform(-2, 0, (num, 2))
+    return np.clip(np.where((np.arange(num) // 150 % 2 == 0)[:, None], walking, wild), -2, 0)
+
+
+@pytest.mark.parametrize(("semantics", "every"), [(PAPER, 0), (RELEASED, 0), (RELEASED, 170)])
+def test_a_run_is_paid_line_by_line(semantics, every):
+    task = make_task(SETUP, semantics, seconds=1.2, shared_evaluation_every=every)
+    oracle = LineByLine(semantics, 1.2, every)
+    step, reset = eqx.filter_jit(task.step), eqx.filter_jit(task.reset)
+    state = task.init()
+    falls, ends = 0, 0
+    for u in random_torques(seed=1, num=1500):
+        state, timestep = step(state, jnp.asarray(u))
+        observation, terms, done, fell = oracle.step(u)
+        np.testing.assert_allclose(timestep.observation, observation, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(timestep.terms, terms, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(timestep.reward, terms @ SETUP.weights, rtol=1e-12, atol=1e-12)
+        assert (bool(timestep.terminated), bool(timestep.fell)) == (done, fell)
+        assert not timestep.truncated
+        np.testing.assert_array_equal(task.observation(state), timestep.observation)
+        if done:
+            falls, ends = falls + fell, ends + 1
+            state = reset(state)
+            oracle.reset()
+    assert falls >= 3
+    assert ends - falls >= 3
+
+
+def test_shared_evaluation_moves_the_walker_but_not_what_the_controller_sees():
+    task = make_task(SETUP, RELEASED, shared_evaluation_every=7)
+    step, state = eqx.filter_jit(task.step), task.init()
+    for _ in range(7):
+        before, (state, timestep) = state, step(state, jnp.array([-1.0, -0.5]))
+    np.testing.assert_array_equal(state.x, START)
+    assert state.foot_x == 0
+    np.testing.assert_array_equal(task.observation(state), timestep.observation)
+    assert not np.allclose(timestep.observation, before.observation)
+    assert state.num_steps == 7
+    assert state.hip_x == timestep.hip_x
+
+
+def fallen(semantics):
+    task = make_task(SETUP, semantics, box=NO_BOX)
+    step, state = eqx.filter_jit(task.step), task.init()
+    while True:
+        before, (state, timestep) = state, step(state, jnp.array([0.3, 0.0]))
+        if timestep.terminated:
+            return task, before, state, timestep
+
+
+def test_a_fall_in_the_paper_ends_on_the_ground_and_pays_no_distance():
+    task, _, state, timestep = fallen(PAPER)
+    assert timestep.fell
+    np.testing.assert_allclose(task.plant.hip(state.x, state.foot_x)[1], 0, atol=1e-12)
+    assert timestep.terms[TERM_NAMES.index("fall")] == 1
+    assert timestep.terms[TERM_NAMES.index("distance")] == 0
+
+
+def test_a_fall_in_the_released_code_is_seen_from_before_the_step():
+    _, before, state, timestep = fallen(RELEASED)
+    assert timestep.fell
+    np.testing.assert_array_equal(state.x, before.x)
+    np.testing.assert_array_equal(timestep.observation, before.observation)
+    assert timestep.hip_x == before.hip_x
+    assert timestep.terms[TERM_NAMES.index("distance")] == before.foot_x
+    assert timestep.terms[TERM_NAMES.index("forward")] == -1
+
+
+@each_semantics
+def test_an_episode_on_the_free_clock_has_exactly_its_steps(semantics):
+    for seconds, num_steps in ((0.07, 7), (0.3, 30), (0.014, 1)):
+        task = make_task(SETUP, semantics, seconds=seconds)
+        step, state = eqx.filter_jit(task.step), task.init()
+        for count in range(1, num_steps + 1):
+            state, timestep = step(state, jnp.array([-1.35, -0.18]))
+            assert bool(timestep.terminated) == (count == num_steps)
+            np.testing.assert_allclose(timestep.time, 0.01 * count, rtol=1e-14)
+
+
+@each_semantics
+def test_the_touchdown_clock_samples_at_touchdowns(semantics):
+    task = make_task(SETUP, semantics, clock="touchdown", seconds=3.0)
+    step, state = eqx.filter_jit(task.step), task.init()
+    times, touchdowns, ended = [0.0], 0, False
+    while not ended:
+        foot_x, (state, timestep) = state.foot_x, step(state, jnp.array([-1.35, -0.18]))
+        ended = bool(timestep.terminated)
+        lasted = float(timestep.time) - times[-1]
+        times.append(float(timestep.time))
+        if timestep.foot_x != foot_x:
+            touchdowns += 1
+            assert 0 < lasted < 0.01
+            np.testing.assert_allclose(timestep.observation[0], -timestep.observation[1], atol=1e-12)
+            assert state.touchdowns_in_a_row == 1
+        else:
+            np.testing.assert_allclose(lasted, 0.01, rtol=1e-10)
+            assert state.touchdowns_in_a_row == 0
+    assert touchdowns >= 3
+    assert times[-2] < 3.0 <= times[-1]
+    assert not timestep.fell
+    assert len(times) - 1 <= task.longest_episode
+
+
+@each_semantics
+def test_a_third_touchdown_in_a_row_is_chatter_on_the_touchdown_clock(semantics):
+    task = make_task(SETUP, semantics, clock="touchdown")
+    step, u = eqx.filter_jit(task.step), jnp.zeros(2)
+    about_to_touch_down = jnp.array([-0.298, 0.302, -1.46, -0.90])
+
+    def with_touchdowns(count):
+        state = eqx.tree_at(
+            lambda s: (s.x, s.observation, s.touchdowns_in_a_row),
+            task.init(),
+            (about_to_touch_down, about_to_touch_down, jnp.asarray(count, jnp.int32)),
+        )
+        return step(state, u)[1]
+
+    assert not with_touchdowns(1).fell
+    chattered = with_touchdowns(2)
+    assert chattered.fell
+    assert chattered.terminated
+    assert chattered.terms[TERM_NAMES.index("fall")] == 1
+
+
+@each_semantics
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_state_that_is_not_finite_ends_the_episode_as_a_fall_and_is_not_seen(semantics, bad):
+    task = make_task(SETUP, semantics, box=NO_BOX)
+    state, _ = eqx.filter_jit(task.step)(task.init(), jnp.array([-1.0, -0.5]))
+    after, timestep = eqx.filter_jit(task.step)(state, jnp.array([bad, 0.0]))
+    assert timestep.fell
+    assert timestep.terminated
+    np.testing.assert_array_equal(timestep.observation, state.x)
+    assert jnp.isfinite(eqx.filter_jit(task.reset)(after).x).all()
+
+
+@each_semantics
+def test_actions_are_clipped_to_the_box(semantics):
+    task = make_task(SETUP, semantics)
+    step = eqx.filter_jit(task.step)
+    _, wild = step(task.init(), jnp.array([7.0, -9.0]))
+    _, tame = step(task.init(), jnp.array([0.0, -2.0]))
+    np.testing.assert_array_equal(wild.control, [0.0, -2.0])
+    jax.tree.map(np.testing.assert_array_equal, wild, tame)
+    free = make_task(SETUP, semantics, box=NO_BOX)
+    _, unclipped = eqx.filter_jit(free.step)(free.init(), jnp.array([7.0, -9.0]))
+    np.testing.assert_array_equal(unclipped.control, [7.0, -9.0])
+
+
+def test_lanes_with_different_setups_are_one_vmapped_program():
+    tasks = [make_task(setup) for setup in PAPER_SETUPS.values()]
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *tasks)
+
+    @jax.jit
+    @jax.vmap
+    def two_steps(task):
+        state, _ = task.step(task.init(), jnp.array([-1.0, -0.5]))
+        return task.step(state, jnp.array([-1.2, -0.1]))[1]
+
+    together = two_steps(stacked)
+    np.testing.assert_allclose(together.terms, np.tile(together.terms[:1], (4, 1)))
+    for index, task in enumerate(tasks):
+        np.testing.assert_allclose(together.reward[index], together.terms[index] @ task.weights)
+
+
+@each_semantics
+@pytest.mark.parametrize("x64_on", [False, True])
+def test_numbers_keep_the_precision_the_task_was_made_in(semantics, x64_on):
+    with jax.enable_x64(x64_on):
+        task = make_task(SETUP, semantics, shared_evaluation_every=3)
+        before = task.init()
+        state, timestep = eqx.filter_jit(task.step)(before, jnp.array([-1.0, -0.5]))
+        dtype = jnp.float64 if x64_on else jnp.float32
+        assert all(
+            a.dtype == b.dtype for a, b in zip(jax.tree.leaves(before), jax.tree.leaves(state), strict=True)
+        )
+        for leaf in jax.tree.leaves(timestep):
+            assert leaf.dtype in (dtype, jnp.int32, jnp.bool_)
+        again = task.reset(state)
+        assert jax.tree.structure(again) == jax.tree.structure(before)
+
+
+def test_the_reward_variant_can_be_chosen():
+    def orthant_of_second_step_in_o1(variant):
+        task = make_task(SETUP, reward_variant=variant)
+        inside = eqx.tree_at(lambda s: s.x, task.init(), jnp.array([0.2, -0.1, -1.0, 1.0]))
+        state, entered = eqx.filter_jit(task.step)(inside, jnp.zeros(2))
+        _, stayed = eqx.filter_jit(task.step)(state, jnp.zeros(2))
+        return [float(timestep.terms[TERM_NAMES.index("orthant")]) for timestep in (entered, stayed)]
+
+    assert orthant_of_second_step_in_o1(None) == [1, 1]
+    assert orthant_of_second_step_in_o1("stay") == [1, 1]
+    assert orthant_of_second_step_in_o1("equation") == [1, -1]
+
+
+def test_a_behaviour_of_ones_own_is_what_is_paid_for():
+    forward = Behaviour(
+        "lean", "", (Signal("theta_1", "rad", ""),), (Phase("F", "", Comparison("theta_1", "<", -0.1)),), ()
+    )
+    task = make_task(SETUP, behaviour=forward)
+    states = jnp.array([[-0.2, 0.0, 0.0, 0.0], [0.2, 0.0, 0.0, 0.0]])
+    assert jax.vmap(task.locate)(states).tolist() == [0, 1]
+
+
+def test_mistakes_are_refused_where_they_are_made():
+    lame = Behaviour(
+        "lame", "", (Signal("knee", "rad", ""),), (Phase("K", "", Comparison("knee", ">", 0)),), ()
+    )
+    with pytest.raises(ParameterError, match="'knee'"):
+        make_task(SETUP, behaviour=lame)
+    for seconds in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(ParameterError, match="seconds"):
+            make_task(SETUP, seconds=seconds)
+
+
+def test_another_walker_walks_differently():
+    light = make_task(SETUP, parameters=CompassParameters(hip_mass=0.3, a=0.4))
+    heavy = make_task(SETUP)
+    u = jnp.array([-1.0, -0.5])
+    assert not np.allclose(
+        light.step(light.init(), u)[1].observation, heavy.step(heavy.init(), u)[1].observation
+    )
+
+
+def test_the_paper_default_is_the_shipped_behaviour():
+    classifier = make_task(SETUP).phase_reward.classifier
+    assert classifier.outside == len(load_behaviour("compass-walking").phases)
