@@ -1,0 +1,1 @@
+"""Training: proximal policy optimisation, its networks, and the policies that come out."""

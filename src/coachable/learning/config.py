@@ -1,0 +1,76 @@
+"""The settings of proximal policy optimisation, by stable-baselines3's names and with its defaults."""
+
+from dataclasses import dataclass, fields
+from math import isfinite
+
+from coachable.errors import PlanError
+
+
+@dataclass(frozen=True)
+class PPOConfig:
+    """Settings of PPO with one environment a lane. Defaults: stable-baselines3 2.9.
+
+    Raises `PlanError` at construction if a value makes no sense.
+    """
+
+    learning_rate: float = 3e-4
+    """Adam's step size, constant."""
+    n_steps: int = 2048
+    """Environment steps a rollout, that is, between two updates."""
+    batch_size: int = 64
+    """Samples a minibatch; divides `n_steps`."""
+    n_epochs: int = 10
+    """Passes over the rollout an update."""
+    gamma: float = 0.99
+    """Discount a step."""
+    gae_lambda: float = 0.95
+    """Decay of the advantage estimator: 0 is one-step TD, 1 is Monte Carlo."""
+    clip_range: float = 0.2
+    """How far the probability ratio may leave 1 before its gradient is cut."""
+    ent_coef: float = 0.0
+    """Weight of the entropy bonus."""
+    vf_coef: float = 0.5
+    """Weight of the value loss."""
+    max_grad_norm: float = 0.5
+    """Bound on the gradient's global Euclidean norm."""
+    adam_epsilon: float = 1e-5
+    """Added to Adam's denominator."""
+    hidden_sizes: tuple[int, int] = (64, 64)
+    """Widths of the two tanh layers, of the policy and of the value network alike."""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.hidden_sizes, list):  # as it comes from a TOML file
+            object.__setattr__(self, "hidden_sizes", tuple(self.hidden_sizes))
+        for field in fields(self):
+            value = getattr(self, field.name)
+            numbers = value if isinstance(value, tuple) else (value,)
+            finite = all(type(number) in (int, float) and isfinite(number) for number in numbers)
+            self._require(field.name, finite, "finite")
+        for name in ("n_steps", "batch_size", "n_epochs"):
+            value = getattr(self, name)
+            self._require(name, type(value) is int and value >= 1, "an integer ≥ 1")
+        for name in ("learning_rate", "clip_range", "max_grad_norm", "adam_epsilon"):
+            self._require(name, getattr(self, name) > 0, "greater than 0")
+        for name in ("gamma", "gae_lambda"):
+            self._require(name, 0 <= getattr(self, name) <= 1, "between 0 and 1")
+        for name in ("ent_coef", "vf_coef"):
+            self._require(name, getattr(self, name) >= 0, "at least 0")
+        self._require(
+            "hidden_sizes",
+            type(self.hidden_sizes) is tuple
+            and len(self.hidden_sizes) == 2
+            and all(type(width) is int and width >= 1 for width in self.hidden_sizes),
+            "two integers ≥ 1",
+        )
+        self._require("batch_size", self.batch_size >= 2, "at least 2: advantages are normalised within it")
+        divides = self.n_steps % self.batch_size == 0
+        self._require("batch_size", divides, f"a divisor of n_steps = {self.n_steps}")
+
+    def _require(self, name: str, satisfied: bool, what: str) -> None:
+        if not satisfied:
+            raise PlanError(f"ppo.{name} must be {what}, got {getattr(self, name)!r}")
+
+    @property
+    def num_minibatches(self) -> int:
+        """Minibatches an epoch."""
+        return self.n_steps // self.batch_size

@@ -1,0 +1,99 @@
+"""A learned controller: a network, the box that its torques are kept in, and how it is to be sampled."""
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from coachable.errors import RunFolderError
+
+ACTIVATIONS = {"tanh": jnp.tanh}
+SQUASHINGS = {"clip": jnp.clip, "tanh": lambda a, low, high: low + (high - low) * (jnp.tanh(a) + 1) / 2}
+
+
+class Policy(eqx.Module):
+    """u = squash(W_n σ(… σ(W_1 x + b_1) …) + b_n): what a trained lane does when it does not explore.
+
+    `squashing` keeps the torque u in the box [low, high]: "clip" cuts the network's output, "tanh" maps
+    ℝ onto the box.
+    """
+
+    weights: tuple[Float[Array, "_ _"], ...]
+    biases: tuple[Float[Array, "_"], ...]
+    low: Float[Array, " controls"]
+    """Least torque [N m]."""
+    high: Float[Array, " controls"]
+    """Greatest torque [N m]."""
+    activation: str = eqx.field(static=True, default="tanh")
+    squashing: str = eqx.field(static=True, default="clip")
+    observation_names: tuple[str, ...] = eqx.field(static=True, default=())
+    clock: str = eqx.field(static=True, default="free")
+
+    def __check_init__(self) -> None:
+        for name, known in (("activation", ACTIVATIONS), ("squashing", SQUASHINGS)):
+            if getattr(self, name) not in known:
+                raise RunFolderError(
+                    f"a policy's {name} must be one of {', '.join(known)}; got {getattr(self, name)!r}"
+                )
+
+    def __call__(self, x: Float[Array, " state"]) -> Float[Array, " controls"]:
+        """The applied torque [N m] in state x."""
+        activate = ACTIVATIONS[self.activation]
+        *hidden, (weight, bias) = zip(self.weights, self.biases, strict=True)
+        for hidden_weight, hidden_bias in hidden:
+            x = activate(hidden_weight @ x + hidden_bias)
+        return SQUASHINGS[self.squashing](weight @ x + bias, self.low, self.high)
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """The network's arrays by name, as they are written to a file."""
+        named = {"low": self.low, "high": self.high}
+        for i, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True), start=1):
+            named |= {f"layer_{i}.weight": weight, f"layer_{i}.bias": bias}
+        return {name: np.asarray(array) for name, array in named.items()}
+
+    def description(self) -> dict[str, Any]:
+        """What else a reader needs in order to run the network, ready for JSON."""
+        return {
+            "layers": [int(self.weights[0].shape[1]), *(int(weight.shape[0]) for weight in self.weights)],
+            "activation": self.activation,
+            "squashing": self.squashing,
+            "low": np.asarray(self.low).tolist(),
+            "high": np.asarray(self.high).tolist(),
+            "observation_names": list(self.observation_names),
+            "clock": self.clock,
+        }
+
+    @classmethod
+    def of(cls, tensors: Mapping[str, np.ndarray], description: Mapping[str, Any]) -> "Policy":
+        """The inverse of `tensors` and `description`.
+
+        Raises `RunFolderError` if something is missing or does not fit together.
+        """
+        try:
+            sizes = description["layers"]
+            numbers = range(1, len(sizes))
+            policy = cls(
+                weights=tuple(jnp.asarray(tensors[f"layer_{i}.weight"]) for i in numbers),
+                biases=tuple(jnp.asarray(tensors[f"layer_{i}.bias"]) for i in numbers),
+                low=jnp.asarray(tensors["low"]),
+                high=jnp.asarray(tensors["high"]),
+                activation=description["activation"],
+                squashing=description["squashing"],
+                observation_names=tuple(description["observation_names"]),
+                clock=description["clock"],
+            )
+        except (KeyError, TypeError) as error:
+            raise RunFolderError(f"the policy's file lacks {error}") from error
+        shapes = [weight.shape for weight in policy.weights]
+        expected = [(outputs, inputs) for inputs, outputs in pairwise(sizes)]
+        if shapes != expected or [bias.shape for bias in policy.biases] != [(n,) for n in sizes[1:]]:
+            raise RunFolderError(
+                f"the policy's layers should be {sizes}, but its weights have shapes {shapes}"
+            )
+        if not all(np.isfinite(array).all() for array in tensors.values()):
+            raise RunFolderError("the policy's weights are not all finite")
+        return policy

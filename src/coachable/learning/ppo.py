@@ -1,0 +1,290 @@
+"""Proximal policy optimisation (Schulman et al., 2017, arXiv 1707.06347), with stable-baselines3's meaning.
+
+One *lane* is one training run: one environment, one policy. It goes round in a circle:
+
+    collect   n_steps of the task with the present policy        → a Rollout
+    estimate  advantages and returns                             (gae.py)
+    learn     n_epochs × num_minibatches steps of Adam on the clipped surrogate
+
+Functions here know one lane; `update_lanes` is many of them at once. A lane's numbers depend on its own key
+and task and on nothing that runs beside it.
+"""
+
+from dataclasses import replace
+from functools import partial
+from math import log, pi
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from coachable.envs.walking_task import Task
+from coachable.learning.config import PPOConfig
+from coachable.learning.gae import generalised_advantages
+from coachable.learning.networks import ActorCritic, initial_networks
+
+ADAM_DECAYS = (0.9, 0.999)
+
+
+class Adam(eqx.Module):
+    """The optimiser's memory; all parameters in one vector, so that a step is a handful of long loops."""
+
+    first_moment: Float[Array, " parameters"]
+    second_moment: Float[Array, " parameters"]
+    count: Float[Array, ""]
+
+
+class TrainState(eqx.Module):
+    """All that a lane is between two updates: resume from it and the lane goes on to the bit."""
+
+    networks: ActorCritic
+    adam: Adam
+    task_state: Any
+    key: PRNGKeyArray
+    num_updates: Int[Array, ""]
+    episode_return: Float[Array, ""]
+    """Return so far of the training episode under way."""
+    episode_length: Int[Array, ""]
+
+
+class Rollout(eqx.Module):
+    """`steps` consecutive steps of one lane. Row t is what happened from s_t to s_{t+1}."""
+
+    observations: Float[Array, "*steps observations"]
+    next_observations: Float[Array, "*steps observations"]
+    """Where the step led, before any reset."""
+    actions: Float[Array, "*steps actions"]
+    """As sampled; the task clips them to its box."""
+    log_probabilities: Float[Array, "*steps"]
+    rewards: Float[Array, "*steps"]
+    terminated: Bool[Array, "*steps"]
+    truncated: Bool[Array, "*steps"]
+
+
+class Episodes(eqx.Module):
+    """The training episode as of every step of a rollout; a finished one stands where `ended` is true."""
+
+    ended: Bool[Array, "*steps"]
+    episode_return: Float[Array, "*steps"]
+    length: Int[Array, "*steps"]
+    fell: Bool[Array, "*steps"]
+
+
+class Batch(eqx.Module):
+    """What the learner sees of a rollout or a minibatch; samples are columns (see `ActorCritic`)."""
+
+    observations: Float[Array, "observations batch"]
+    actions: Float[Array, "actions batch"]
+    log_probabilities: Float[Array, " batch"]
+    advantages: Float[Array, " batch"]
+    returns: Float[Array, " batch"]
+
+
+def init(key: PRNGKeyArray, task: Task, config: PPOConfig) -> TrainState:
+    """A lane before its first step."""
+    key, network_key, task_key = jax.random.split(key, 3)
+    task_state = task.init(task_key)
+    dtype = task.observation(task_state).dtype
+    networks = initial_networks(
+        network_key, task.observation_size, task.action_size, config.hidden_sizes, dtype
+    )
+    zeros = jnp.zeros_like(ravel_pytree(networks)[0])
+    return TrainState(
+        networks=networks,
+        adam=Adam(zeros, zeros, jnp.zeros((), dtype)),
+        task_state=task_state,
+        key=key,
+        num_updates=jnp.zeros((), jnp.int32),
+        episode_return=jnp.zeros((), dtype),
+        episode_length=jnp.zeros((), jnp.int32),
+    )
+
+
+def update_lanes(tasks: Task, config: PPOConfig, states: TrainState) -> tuple[TrainState, Episodes]:
+    """One PPO update of every lane; `tasks` and `states` are stacked over lanes.
+
+    The physics of all lanes advances side by side, which fills the processor's vectors; learning takes one
+    lane after another, so that its weights stay in the cache (a `vmap` there costs half as much again).
+    """
+    states, rollouts, episodes = jax.vmap(partial(collect, config=config))(tasks, states)
+    states = lax.map(lambda lane: improve(config, *lane), (states, rollouts))
+    return states, episodes
+
+
+def update(task: Task, config: PPOConfig, state: TrainState) -> tuple[TrainState, Episodes]:
+    """One PPO update of one lane."""
+    state, rollout, episodes = collect(task, state, config)
+    return improve(config, state, rollout), episodes
+
+
+def collect(task: Task, state: TrainState, config: PPOConfig) -> tuple[TrainState, Rollout, Episodes]:
+    """Run the present policy for `n_steps`, over as many episodes as that takes."""
+    networks, mean_action = state.networks, state.networks.actor()
+    key, noise_key, reset_key = jax.random.split(state.key, 3)
+    noise = jax.random.normal(noise_key, (config.n_steps, task.action_size), networks.log_std.dtype)
+    reset_keys = jax.random.split(reset_key, config.n_steps)
+
+    def step(carry, inputs):
+        task_state, episode_return, length = carry
+        epsilon, key = inputs
+        observation = task.observation(task_state)
+        action = mean_action(observation) + jnp.exp(networks.log_std) * epsilon
+        task_state, outcome = task.step(task_state, action)
+        row = Rollout(
+            observations=observation,
+            next_observations=outcome.observation,
+            actions=action,
+            log_probabilities=gaussian_log_probability(epsilon, networks.log_std),
+            rewards=outcome.reward,
+            terminated=outcome.terminated,
+            truncated=outcome.truncated,
+        )
+        ended = outcome.terminated | outcome.truncated
+        episode = Episodes(ended, episode_return + outcome.reward, length + 1, outcome.fell)
+        before = (task_state, episode.episode_return, episode.length)
+        after = (task.reset(task_state, key), jnp.zeros_like(episode_return), jnp.zeros_like(length))
+        return jax.tree.map(partial(jnp.where, ended), after, before), (row, episode)
+
+    carry = (state.task_state, state.episode_return, state.episode_length)
+    carry, (rollout, episodes) = lax.scan(step, carry, (noise, reset_keys))
+    task_state, episode_return, length = carry
+    state = replace(
+        state, task_state=task_state, key=key, episode_return=episode_return, episode_length=length
+    )
+    return state, rollout, episodes
+
+
+def improve(config: PPOConfig, state: TrainState, rollout: Rollout) -> TrainState:
+    """Advantages, fresh permutations, and `n_epochs` passes over the rollout."""
+    values, next_values = values_of(state.networks, rollout)
+    ended = rollout.terminated | rollout.truncated
+    advantages = generalised_advantages(
+        rollout.rewards, values, next_values, rollout.terminated, ended, config.gamma, config.gae_lambda
+    )
+    batch = Batch(
+        observations=rollout.observations.T,
+        actions=rollout.actions.T,
+        log_probabilities=rollout.log_probabilities,
+        advantages=advantages,
+        returns=advantages + values,
+    )
+    key, permutation_key = jax.random.split(state.key)
+    permutations = random_permutations(permutation_key, config.n_epochs, config.n_steps)
+    networks, adam = learn(state.networks, state.adam, batch, permutations, config)
+    return replace(state, networks=networks, adam=adam, key=key, num_updates=state.num_updates + 1)
+
+
+def values_of(
+    networks: ActorCritic, rollout: Rollout
+) -> tuple[Float[Array, " steps"], Float[Array, " steps"]]:
+    """V(s_t) and V(s_{t+1}) of every step, the latter before any reset."""
+    last = rollout.next_observations[-1:]
+    values = networks.values(jnp.concatenate([rollout.observations, last]).T)
+    # The next row's value serves, unless a truncation put a fresh episode there.
+    next_values = lax.cond(
+        jnp.any(rollout.truncated), lambda: networks.values(rollout.next_observations.T), lambda: values[1:]
+    )
+    return values[:-1], next_values
+
+
+def random_permutations(
+    key: PRNGKeyArray, num_permutations: int, size: int
+) -> Int[Array, "permutations size"]:
+    """Independent random orders of 0 … size − 1.
+
+    Each sorts random words that carry their index in the low bits: one sort of plain integers, five times
+    faster than `jax.random.permutation`. Words that tie in the other bits keep their order: at size 2048
+    that is one of two million pairs.
+    """
+    low_bits = jnp.uint32(2 ** (size - 1).bit_length() - 1)
+    words = jax.random.bits(key, (num_permutations, size), jnp.uint32)
+    words = (words & ~low_bits) | jnp.arange(size, dtype=jnp.uint32)[None]
+    return (lax.sort(words, dimension=1, is_stable=False) & low_bits).astype(jnp.int32)
+
+
+def learn(
+    networks: ActorCritic,
+    adam: Adam,
+    batch: Batch,
+    permutations: Int[Array, "epochs batch"],
+    config: PPOConfig,
+) -> tuple[ActorCritic, Adam]:
+    """Adam on the clipped surrogate: an epoch a permutation of the batch, a step a minibatch."""
+    parameters, unravel = ravel_pytree(networks)
+
+    def epoch(carry, permutation):
+        return lax.scan(minibatch, carry, minibatches(batch, permutation, config))
+
+    def minibatch(carry, samples):
+        parameters, adam = carry
+        gradient = jax.grad(loss)(unravel(parameters), samples, config)
+        return adam_step(parameters, adam, ravel_pytree(gradient)[0], config), None
+
+    (parameters, adam), _ = lax.scan(epoch, (parameters, adam), permutations)
+    return unravel(parameters), adam
+
+
+def minibatches(batch: Batch, permutation: Int[Array, " batch"], config: PPOConfig) -> Batch:
+    """The batch shuffled and cut along a leading axis, advantages normalised within each minibatch."""
+
+    def cut(samples):
+        shape = (*samples.shape[:-1], config.num_minibatches, config.batch_size)
+        return jnp.moveaxis(samples[..., permutation].reshape(shape), -2, 0)
+
+    pieces = jax.tree.map(cut, batch)
+    mean = pieces.advantages.mean(axis=1, keepdims=True)
+    deviation = pieces.advantages.std(axis=1, ddof=1, keepdims=True)
+    return eqx.tree_at(lambda b: b.advantages, pieces, (pieces.advantages - mean) / (deviation + 1e-8))
+
+
+def loss(networks: ActorCritic, samples: Batch, config: PPOConfig) -> Float[Array, ""]:
+    """What a minibatch asks to be made small; the mean is over its samples t.
+
+        ρ_t = π(a_t | s_t) / π_old(a_t | s_t)
+        L = −mean min(ρ_t A_t, clip(ρ_t, 1 ± ε) A_t) + c_v mean (R_t − V(s_t))² − c_e mean H(π(· | s_t))
+
+    Source: eqs. 7 and 9 of the paper; no clipping and no ½ in the value loss, as in stable-baselines3.
+    """
+    means, values = networks(samples.observations)
+    log_std = networks.log_std
+    standardised = (samples.actions - means) * jnp.exp(-log_std)[:, None]
+    ratio = jnp.exp(gaussian_log_probability(standardised, log_std) - samples.log_probabilities)
+    clipped = jnp.clip(ratio, 1 - config.clip_range, 1 + config.clip_range)
+    surrogate = jnp.minimum(ratio * samples.advantages, clipped * samples.advantages).mean()
+    value_loss = jnp.square(samples.returns - values).mean()
+    entropy = jnp.sum(log_std + 0.5 * log(2 * pi) + 0.5)
+    return -surrogate + config.vf_coef * value_loss - config.ent_coef * entropy
+
+
+def gaussian_log_probability(
+    standardised: Float[Array, "actions *batch"], log_std: Float[Array, " actions"]
+) -> Float[Array, "*batch"]:
+    """log N(a; μ, σ²) of independent components, from (a − μ) / σ."""
+    normalisation = jnp.sum(log_std) + 0.5 * log(2 * pi) * log_std.size
+    return -0.5 * jnp.sum(jnp.square(standardised), axis=0) - normalisation
+
+
+def adam_step(
+    parameters: Float[Array, " parameters"],
+    adam: Adam,
+    gradient: Float[Array, " parameters"],
+    config: PPOConfig,
+) -> tuple[Float[Array, " parameters"], Adam]:
+    """Adam (Kingma & Ba, 2015, algorithm 1) after clipping the gradient's global norm.
+
+    Both in PyTorch's form, which stable-baselines3 uses: ε stands outside the bias correction of the root.
+    """
+    norm = jnp.sqrt(jnp.sum(jnp.square(gradient)))
+    gradient = gradient * jnp.minimum(1.0, config.max_grad_norm / (norm + 1e-6))
+    decay_1, decay_2 = ADAM_DECAYS
+    count = adam.count + 1
+    first = decay_1 * adam.first_moment + (1 - decay_1) * gradient
+    second = decay_2 * adam.second_moment + (1 - decay_2) * jnp.square(gradient)
+    step_size = config.learning_rate / (1 - decay_1**count)
+    correction = 1 / (1 - decay_2**count)
+    parameters = parameters - step_size * first / (jnp.sqrt(second * correction) + config.adam_epsilon)
+    return parameters, Adam(first, second, count)

@@ -1,0 +1,61 @@
+"""A policy survives a round trip through its tensors and description, and says what is wrong with a bad one."""
+
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from coachable.errors import RunFolderError
+from coachable.learning.networks import initial_networks
+from coachable.learning.policy import Policy
+
+LOW, HIGH = jnp.array([-2.0, -2.0]), jnp.array([0.0, 0.0])
+
+
+def some_policy(squashing="clip", scale=30.0):
+    networks = initial_networks(jax.random.key(1), 4, 2, (16, 8))
+    weights, biases = zip(*networks.policy_layers, strict=True)
+    weights = (*weights[:-1], scale * weights[-1])
+    names = ("theta_1", "theta_2", "dtheta_1", "dtheta_2")
+    return Policy(weights, biases, LOW, HIGH, squashing=squashing, observation_names=names)
+
+
+def test_round_trip_is_the_identity_to_the_bit():
+    policy = some_policy()
+    description = json.loads(json.dumps(policy.description()))
+    again = Policy.of(policy.tensors(), description)
+    assert jax.tree.structure(again) == jax.tree.structure(policy)
+    for ours, theirs in zip(jax.tree.leaves(again), jax.tree.leaves(policy), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("squashing", ["clip", "tanh"])
+def test_the_torque_is_in_the_box_and_not_constant(squashing):
+    states = 3 * jax.random.normal(jax.random.key(0), (200, 4))
+    torques = jax.vmap(some_policy(squashing))(states)
+    assert ((torques >= LOW[None]) & (torques <= HIGH[None])).all()
+    assert torques.std() > 0.1
+
+
+def test_it_computes_what_the_trained_networks_compute():
+    networks = initial_networks(jax.random.key(1), 4, 2, (16, 8))
+    weights, biases = zip(*networks.policy_layers, strict=True)
+    wide = Policy(weights, biases, jnp.full(2, -1e9), jnp.full(2, 1e9))
+    for x in jax.random.normal(jax.random.key(2), (10, 4)):
+        np.testing.assert_allclose(wide(x), networks.actor()(x), rtol=1e-5, atol=1e-7)
+
+
+def test_a_damaged_policy_is_refused_with_what_is_wrong():
+    policy = some_policy()
+    tensors, description = policy.tensors(), policy.description()
+    without = {name: array for name, array in tensors.items() if name != "layer_2.bias"}
+    with pytest.raises(RunFolderError, match=r"layer_2\.bias"):
+        Policy.of(without, description)
+    with pytest.raises(RunFolderError, match=r"\[4, 16, 9, 2\]"):
+        Policy.of(tensors, description | {"layers": [4, 16, 9, 2]})
+    with pytest.raises(RunFolderError, match="squashing must be one of clip, tanh"):
+        Policy.of(tensors, description | {"squashing": "sigmoid"})
+    with pytest.raises(RunFolderError, match="not all finite"):
+        Policy.of(tensors | {"layer_1.bias": np.full(16, np.nan, np.float32)}, description)
