@@ -1,0 +1,256 @@
+"""Run a hybrid automaton: flow in a location until its invariant fails or something happens to the plant."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from coachable.automata.hybrid import TOUCHDOWN, HybridAutomaton
+from coachable.behaviours.behaviour import Edge
+from coachable.behaviours.predicates import All, Predicate, holds
+from coachable.plants.runge_kutta import rk4
+
+_NUM_SUBSTEPS = 4
+"""Runge–Kutta steps in a control step; an invariant that fails and holds again within one is not noticed."""
+
+_MAX_TRANSITIONS_IN_A_STEP = 100
+
+
+class Status(enum.Enum):
+    """How an execution ended."""
+
+    COMPLETED = "The execution ran for its full time."
+    START_OUTSIDE = "x0 is in no location."
+    DEADLOCK = "Deadlock: the location must be left, and no edge can be taken."
+    NONDETERMINISM = "Nondeterminism: there is more than one way to go on."
+    ZENO = "Zeno: the transitions crowd together without end."
+    FELL = "The plant fell."
+    NOT_FINITE = "The state ran out of finite numbers."
+
+    @property
+    def sentence(self) -> str:
+        """The status in words."""
+        return self.value
+
+
+@dataclass(frozen=True)
+class Transition:
+    """An edge that was taken, and when [s]."""
+
+    time: float
+    edge: Edge
+
+
+@dataclass(frozen=True)
+class Execution:
+    """A run of a hybrid automaton. A transition has two rows of the same time: before it and after it."""
+
+    times: Float[np.ndarray, " rows"]
+    """[s]"""
+    states: Float[np.ndarray, "rows state"]
+    """The plant's states."""
+    locations: tuple[str, ...]
+    """The location of each row."""
+    transitions: tuple[Transition, ...]
+    """The edges that were taken, in time."""
+    status: Status
+    sentence: str
+    """When and how the execution ended, and why, for people."""
+    final_time: float
+    """When it ended [s]."""
+    final_state: Float[np.ndarray, " state"]
+    """The state it ended in; in a deadlock at an event, the one right after the jump that no edge allows."""
+
+
+def execute(
+    automaton: HybridAutomaton,
+    x0: Sequence[float],
+    controller: Callable[[Float[Array, " state"]], Float[Array, " control"]],
+    seconds: float,
+    control_dt: float = 0.01,
+) -> Execution:
+    """Execute the automaton from a state, in float64, with the control held over each control step.
+
+    The first moment at which the invariant fails or something happens to the plant is bisected down to
+    neighbouring floating-point numbers, so a boundary that is crossed between two of them counts as crossed.
+    What happens to the plant comes before an invariant that fails at the same moment.
+
+    **Arguments:**
+
+    - `x0`: the plant's state at time 0; it may be in no location, and `status` then says so.
+    - `controller`: a pure function of the state that JAX can trace.
+    - `seconds`, `control_dt`: how long to execute, and how long to hold the control [s].
+
+    **Returns:** the `Execution`. Nothing is raised where the automaton is stuck: `sentence` tells.
+    """
+    with jax.enable_x64(True):
+        return _Executor(automaton, controller).run(jnp.asarray(x0, jnp.float64), seconds, control_dt)
+
+
+class _End(Exception):
+    """The execution is over, in this state."""
+
+    def __init__(self, status: Status, state: Array, details: str = ""):
+        self.status, self.state, self.details = status, state, details
+
+
+class _Look(NamedTuple):
+    """All that an execution asks of a state."""
+
+    x: Float[Array, " state"]
+    signals: Float[Array, " signals"]
+    guard: Float[Array, ""]
+    can_touch_down: Bool[Array, ""]
+    fall_margin: Float[Array, ""]
+
+
+class _Executor:
+    """One execution under way, and what has been recorded of it."""
+
+    def __init__(self, automaton: HybridAutomaton, controller: Callable[[Array], Array]):
+        self.automaton = automaton
+        self.names = tuple(signal.name for signal in automaton.data_variables)
+        self.rows: list[tuple[float, Array, str]] = []
+        self.transitions: list[Transition] = []
+        plant = automaton.plant
+
+        def look(x: Array) -> _Look:
+            signals = plant.signals(x, self.names)
+            return _Look(x, signals, plant.guard(x), plant.can_touch_down(x), plant.fall_margin(x))
+
+        self.look = jax.jit(look)
+        self.control = jax.jit(controller)
+        # One compiled step for each distinct activity: the locations of a plant share theirs.
+        self.look_ahead = {
+            activity: jax.jit(lambda x, u, h, activity=activity: look(rk4(activity, x, u, h)))
+            for activity in set(automaton.activities.values())
+        }
+
+    def run(self, x: Array, seconds: float, control_dt: float) -> Execution:
+        """Execute until the time is up or an `_End` is raised."""
+        status, details = Status.COMPLETED, ""
+        try:
+            location = self.start(x)
+            self.rows.append((0.0, x, location))
+            for step in range(round(seconds / control_dt)):
+                x, location = self.control_step(x, location, step * control_dt, control_dt)
+        except _End as end:
+            x, status, details = end.state, end.status, end.details
+        times, states, locations = zip(*self.rows, strict=True) if self.rows else ((), (), ())
+        time = times[-1] if times else 0.0
+        return Execution(
+            times=np.array(times, np.float64),
+            states=np.array(states, np.float64).reshape(-1, x.size),
+            locations=locations,
+            transitions=tuple(self.transitions),
+            status=status,
+            sentence=f"t = {time:.4f} s: {status.sentence} {details}".rstrip(),
+            final_time=time,
+            final_state=np.asarray(x),
+        )
+
+    def start(self, x: Array) -> str:
+        """The location of the first state."""
+        here = self.look(x)
+        possible = [location for location in self.automaton.locations if self.inside(location, here)]
+        if not possible:
+            raise _End(Status.START_OUTSIDE, x, f"It is {self.listing(here)}.")
+        if len(possible) > 1:
+            raise _End(Status.NONDETERMINISM, x, f"{self.listing(here)} is in {' and in '.join(possible)}.")
+        return possible[0]
+
+    def control_step(self, x: Array, location: str, start: float, duration: float) -> tuple[Array, str]:
+        """Flow, with the control held, from one sample to the next, taking whatever edges come."""
+        control = self.control(x)
+        elapsed, num_transitions = 0.0, 0
+        for substep in range(_NUM_SUBSTEPS):
+            end = duration * (substep + 1) / _NUM_SUBSTEPS
+            while elapsed < end:
+                look_ahead = self.look_ahead[self.automaton.activities[location]]
+                before, armed = x, bool(self.look(x).guard > 0)
+
+                def happens(h: float, location=location, look=look_ahead, before=before, armed=armed) -> bool:
+                    ahead = look(before, control, h)
+                    return self.touches(ahead, armed) or self.falls(ahead) or not self.inside(location, ahead)
+
+                h = _first(happens, end - elapsed)
+                ahead = look_ahead(before, control, h)
+                x, elapsed = ahead.x, end if h == end - elapsed else elapsed + h
+                if not jnp.all(jnp.isfinite(x)):
+                    raise _End(Status.NOT_FINITE, before)
+                self.rows.append((start + elapsed, x, location))
+                touches = self.touches(ahead, armed)
+                if self.falls(ahead) and not touches:
+                    raise _End(Status.FELL, x)
+                if touches or not self.inside(location, ahead):
+                    x, location = self.take_edge(x, location, TOUCHDOWN if touches else None)
+                    num_transitions += 1
+                if num_transitions > _MAX_TRANSITIONS_IN_A_STEP:
+                    raise _End(Status.ZENO, x, f"There were {num_transitions} within {elapsed:.3g} s.")
+        return x, location
+
+    def take_edge(self, x: Array, location: str, event: str | None) -> tuple[Array, str]:
+        """The state and the location after the one edge that can be taken."""
+        edges = [edge for edge in self.automaton.edges if (edge.source, edge.event) == (location, event)]
+        after = {edge: self.look(self.automaton.resets[edge](x)) for edge in edges}
+        possible = [edge for edge in edges if self.inside(edge.target, after[edge])]
+        occasion = f"On {event} in {location}" if event else f"Leaving {location}"
+        if len(possible) > 1:
+            raise _End(Status.NONDETERMINISM, x, f"{occasion}: {' and '.join(map(str, possible))}.")
+        if not possible:
+            end = after[edges[0]] if len(edges) == 1 else self.look(x)
+            needs = [f"{edge} needs {self.missing(edge.target, after[edge])}" for edge in edges]
+            why = "; ".join(needs) or "there is no edge for that"
+            raise _End(Status.DEADLOCK, end.x, f"{occasion} the state is {self.listing(end)}: {why}.")
+        (edge,) = possible
+        time = self.rows[-1][0]
+        self.transitions.append(Transition(time, edge))
+        self.rows.append((time, after[edge].x, edge.target))
+        return after[edge].x, edge.target
+
+    def touches(self, ahead: _Look, armed: bool) -> bool:
+        """Whether the guard has fallen through zero where the plant can touch down."""
+        return bool(armed and ahead.guard <= 0 and ahead.can_touch_down)
+
+    def falls(self, ahead: _Look) -> bool:
+        """Whether the plant has fallen."""
+        return bool(ahead.fall_margin <= 0)
+
+    def inside(self, location: str, here: _Look) -> bool:
+        """Whether μ₂ of a location holds; where a signal is NaN, none does."""
+        values = self.values(here)
+        return not any(map(math.isnan, values.values())) and holds(
+            self.automaton.invariants[location], values
+        )
+
+    def missing(self, location: str, here: _Look) -> str:
+        """What of a location's invariant does not hold."""
+        predicate, values = self.automaton.invariants[location], self.values(here)
+        parts: Sequence[Predicate] = predicate.parts if isinstance(predicate, All) else (predicate,)
+        return " and ".join(str(part) for part in parts if not holds(part, values))
+
+    def values(self, here: _Look) -> dict[str, float]:
+        """The data variables by name."""
+        return dict(zip(self.names, np.asarray(here.signals).tolist(), strict=True))
+
+    def listing(self, here: _Look) -> str:
+        """The data variables for people."""
+        return "(" + ", ".join(f"{name} = {value:.4g}" for name, value in self.values(here).items()) + ")"
+
+
+def _first(happens: Callable[[float], bool], end: float) -> float:
+    """The first moment in (0, end] at which something that had not happened at 0 has, or else the end."""
+    if not happens(end):
+        return end
+    before, after = 0.0, end
+    while before < (middle := (before + after) / 2) < after:
+        before, after = (before, middle) if happens(middle) else (middle, after)
+    return after

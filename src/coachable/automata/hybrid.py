@@ -1,0 +1,104 @@
+"""A behaviour and a plant together: the hybrid automaton of section II of the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Protocol, runtime_checkable
+
+from jaxtyping import Array, Bool, Float
+
+from coachable.behaviours.behaviour import Behaviour, Edge
+from coachable.behaviours.predicates import Predicate, Signal
+from coachable.behaviours.suggestion import suggestion
+from coachable.errors import BehaviourError
+
+State = Float[Array, " state"]
+Flow = Callable[[State, Float[Array, " control"]], State]
+Reset = Callable[[State], State]
+
+TOUCHDOWN = "touchdown"
+"""The event of every plant: its guard falls through zero where it can touch down."""
+
+
+@runtime_checkable
+class Plant(Protocol):
+    """What an automaton asks of a plant: a `HybridSystem` whose signals have names."""
+
+    def flow(self, x: State, control: Float[Array, " control"]) -> State:
+        """Return ẋ at state x under the given control."""
+        ...
+
+    def guard(self, x: State) -> Float[Array, ""]:
+        """Return a number that falls through zero at a touchdown."""
+        ...
+
+    def can_touch_down(self, x: State) -> Bool[Array, ""]:
+        """Return whether a falling zero of the guard at x is a touchdown at all."""
+        ...
+
+    def impact(self, x: State) -> State:
+        """Return the state right after a touchdown at x."""
+        ...
+
+    def fall_margin(self, x: State) -> Float[Array, ""]:
+        """Return a number that is positive while the plant is up."""
+        ...
+
+    def signals(self, x: State, names: tuple[str, ...]) -> Float[Array, " signals"]:
+        """Return the named signals at x."""
+        ...
+
+
+@dataclass(frozen=True)
+class HybridAutomaton:
+    """ℋ = (V_D, Q, E, μ₁, μ₂, μ₃), Harnack et al., CDC 2023, section II, after Alur and Henzinger.
+
+    An edge without an event is taken when the invariant of its source fails and that of its target holds. An
+    edge with an event is taken when that happens to the plant, if the invariant of its target then holds. So
+    is (O4, O1) of ideal walking at touchdown. By the paper's words, which know no events, it never could be,
+    for the invariant of O4 stays true there.
+    """
+
+    data_variables: tuple[Signal, ...]
+    """V_D, what the invariants speak of."""
+    locations: tuple[str, ...]
+    """Q, one a phase."""
+    edges: tuple[Edge, ...]
+    """E ⊆ Q × Q, where an edge may carry an event."""
+    activities: Mapping[str, Flow]
+    """μ₁(q): ẋ = μ₁(q)(x, u)."""
+    invariants: Mapping[str, Predicate]
+    """μ₂(q): a predicate over the data variables."""
+    resets: Mapping[Edge, Reset]
+    """μ₃(e): from the state before the edge to the one after; the identity on edges without an event."""
+    plant: Plant
+    """What flows: it gives the data variables their values and says when events happen."""
+
+    @staticmethod
+    def of(behaviour: Behaviour, plant: Plant) -> HybridAutomaton:
+        """The automaton of a behaviour on a plant: in every phase the plant flows, at an event it jumps.
+
+        **Raises:** `BehaviourError` if an edge carries an event that does not happen to the plant.
+        """
+        jumps: Mapping[str | None, Reset] = {None: _identity, TOUCHDOWN: plant.impact}
+        for edge in behaviour.edges:
+            if edge.event not in jumps:
+                known = suggestion(str(edge.event), (TOUCHDOWN,))
+                raise BehaviourError(
+                    f"edge {edge}: nothing called {edge.event!r} happens to the plant; {known}"
+                )
+        return HybridAutomaton(
+            data_variables=behaviour.signals,
+            locations=behaviour.phase_names,
+            edges=behaviour.edges,
+            activities=MappingProxyType(dict.fromkeys(behaviour.phase_names, plant.flow)),
+            invariants=MappingProxyType({phase.name: phase.predicate for phase in behaviour.phases}),
+            resets=MappingProxyType({edge: jumps[edge.event] for edge in behaviour.edges}),
+            plant=plant,
+        )
+
+
+def _identity(x: State) -> State:
+    return x

@@ -1,0 +1,71 @@
+"""The tables of a run folder, format_version 1: their columns, types and units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import pyarrow as pa
+
+from coachable.plants.compass import STATE_NAMES
+from coachable.rewards.setup import TERM_NAMES
+
+FORMAT_VERSION = 1
+
+
+def _columns(*columns: tuple[str, pa.DataType, str]) -> pa.Schema:
+    return pa.schema(
+        [
+            pa.field(name, kind, nullable=False, metadata={"unit": unit} if unit else None)
+            for name, kind, unit in columns
+        ]
+    )
+
+
+_LANE = ("lane", pa.string(), "")
+_TERMS = [(name, pa.float32(), "") for name in TERM_NAMES]
+_STATE_UNITS = ("rad", "rad", "rad/s", "rad/s")
+
+SCHEMAS: Mapping[str, pa.Schema] = MappingProxyType(
+    {
+        "episodes": _columns(
+            _LANE,
+            ("end_step", pa.int64(), ""),
+            ("return", pa.float32(), ""),
+            ("length", pa.int32(), ""),
+            ("fell", pa.bool_(), ""),
+        ),
+        "evaluations": _columns(
+            _LANE,
+            ("step", pa.int64(), ""),
+            ("return", pa.float32(), ""),
+            ("hip_x", pa.float32(), "m"),
+            ("foot_x", pa.float32(), "m"),
+            ("length", pa.int32(), ""),
+            ("fell", pa.bool_(), ""),
+            ("share_in_cycle", pa.float32(), ""),
+            *_TERMS,
+        ),
+        "trajectories": _columns(
+            _LANE,
+            ("which", pa.string(), ""),
+            ("t", pa.float32(), "s"),
+            *((name, pa.float32(), unit) for name, unit in zip(STATE_NAMES, _STATE_UNITS, strict=True)),
+            ("u1", pa.float32(), "N m"),
+            ("u2", pa.float32(), "N m"),
+            ("foot_x", pa.float32(), "m"),
+            ("phase", pa.int8(), ""),
+            *_TERMS,
+        ),
+        "survival": _columns(_LANE, ("seconds_up", pa.float32(), "s"), ("perturbed_up", pa.float32(), "")),
+    }
+)
+"""By table name. `lane` is `setup-seed`, or a baseline's name. Terms are unweighted: in `evaluations` sums
+over the episode, in `trajectories` what the step that began at `t` paid. `phase` counts the behaviour's
+phases from 0; outside all of them is their number."""
+
+
+def table_of(name: str, columns: Mapping[str, Sequence]) -> pa.Table:
+    """The table of this name from its columns, in the schema's order."""
+    schema = SCHEMAS[name]
+    return pa.table([pa.array(columns[field.name], field.type) for field in schema], schema=schema)

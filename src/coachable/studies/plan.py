@@ -1,0 +1,164 @@
+"""Study plans: from a file, a shipped name, and options on top, to a resolved `Study`."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from collections.abc import Mapping
+from dataclasses import fields
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from coachable.behaviours.suggestion import suggestion
+from coachable.errors import CoachableError, PlanError
+from coachable.learning.config import PPOConfig
+from coachable.plants.compass import CompassParameters
+from coachable.rewards.setup import PAPER_SETUPS, RewardSetup
+from coachable.studies.study import Lane as Lane
+from coachable.studies.study import Study as Study
+from coachable.studies.study import differences as differences
+
+IMPLIED = {
+    "paper": {"reward_variant": "stay", "behaviour": "compass-walking"},
+    "released-code": {"reward_variant": "released", "behaviour": "compass-walking-released"},
+}
+_SHIPPED = resources.files("coachable.studies") / "plans"
+
+
+def shipped_plans() -> list[str]:
+    """Names of the plans that come with the package."""
+    return sorted(
+        entry.name.removesuffix(".toml") for entry in _SHIPPED.iterdir() if entry.name.endswith(".toml")
+    )
+
+
+def load_plan(name_or_path: str | Path, **options: Any) -> Study:
+    """A study from a shipped plan or a TOML file, with options on top of it.
+
+    **Arguments:** `options`, where not None, replace the file's keys (`semantics`, `reward_variant`,
+    `behaviour`, `clock`, `steps`, `evaluate_every`, `name`), `seeds` (a count, or a table with `first` and
+    `count`) and `setups` (names, of the file's setups or the paper's).
+
+    What neither the file nor an option says is the default; `released-code` semantics bring their own reward
+    variant and behaviour unless one is said.
+
+    **Raises:** `PlanError` naming the file and the key, with the nearest one that is known.
+    """
+    if Path(name_or_path).is_file():
+        source, text = str(name_or_path), Path(name_or_path).read_text(encoding="utf-8")
+    elif (name := str(name_or_path)) in shipped_plans():
+        source, text = f"plan {name!r}", (_SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
+    else:
+        raise PlanError(
+            f"{name!r} is neither a plan that ships nor a file; {suggestion(name, shipped_plans())}"
+        )
+    return parse_plan(text, source, **options)
+
+
+def parse_plan(text: str, source: str, **options: Any) -> Study:
+    """`load_plan` for TOML text; `source` names it in messages."""
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise PlanError(f"{source} is not TOML: {error}") from None
+    return resolve((source, data), ("the options", _said(options)))
+
+
+def with_options(study: Study, **options: Any) -> Study:
+    """A study with what the options say, as in `load_plan`; those that are None say nothing."""
+    implied = IMPLIED[study.semantics].items()
+    data = {key: value for key, value in study.to_data().items() if (key, value) not in implied}
+    return resolve((f"study {study.name!r}", data), ("the options", _said(options)))
+
+
+def resolve(*layers: tuple[str, Mapping[str, Any]]) -> Study:
+    """A study from layers of plan data, (where it comes from, nested tables), later ones winning key by key.
+
+    A layer's `setups` replace those below as a whole: a table of weights by name (those left out are the
+    paper's, or the defaults of `RewardSetup`), or a list of names taken from the layers below or the paper.
+    """
+    known = {field.name for field in fields(Study)} - {"first_seed", "num_seeds"} | {"seeds"}
+    merged: dict[str, Any] = {}
+    setups = Study.setups
+    for source, data in layers:
+        for key, value in data.items():
+            if key not in known:
+                raise PlanError(f"{source}: unknown key {key!r}; {suggestion(key, sorted(known))}")
+            if key == "setups":
+                setups = _setups(value, source, setups)
+            elif key == "seeds":
+                merged |= {
+                    f"{k}_seed" if k == "first" else "num_seeds": v for k, v in _seeds(value, source).items()
+                }
+            elif key in ("plant", "ppo"):
+                kind = CompassParameters if key == "plant" else PPOConfig
+                merged[key] = merged.get(key, {}) | _table(value, _types(kind), source, key)
+            else:
+                merged[key] = _typed(value, int if key in ("steps", "evaluate_every") else str, source, key)
+    if "name" not in merged:
+        raise PlanError(f'{layers[0][0]}: the plan has no name; add a line such as name = "mine"')
+    sources = " with ".join(source for source, data in layers if data)
+    try:
+        parameters = CompassParameters(**merged.pop("plant", {}))
+        ppo = PPOConfig(**merged.pop("ppo", {}))
+        implied = IMPLIED.get(merged.get("semantics", "paper"), {})
+        return Study(**{**implied, **merged, "setups": setups, "plant": parameters, "ppo": ppo})
+    except CoachableError as error:
+        raise PlanError(f"{sources}: {error}") from None
+
+
+def _said(options: Mapping[str, Any]) -> dict[str, Any]:
+    said = {key: value for key, value in options.items() if value is not None}
+    return said | ({"seeds": {"count": said["seeds"]}} if isinstance(said.get("seeds"), int) else {})
+
+
+def _setups(value: Any, source: str, below: tuple[RewardSetup, ...]) -> tuple[RewardSetup, ...]:
+    known = dict(PAPER_SETUPS) | {setup.name: setup for setup in below}
+    if isinstance(value, Mapping):
+        return tuple(_setup(name, weights, source) for name, weights in value.items())
+    if not isinstance(value, list | tuple) or not all(isinstance(name, str) for name in value):
+        raise PlanError(f"{source}: setups must be tables of weights or a list of names, got {value!r}")
+    for name in value:
+        if name not in known:
+            raise PlanError(f"{source}: unknown setup {name!r}; {suggestion(name, known)}")
+    return tuple(known[name] for name in value)
+
+
+def _setup(name: str, weights: Any, source: str) -> RewardSetup:
+    said = _table(weights, _types(RewardSetup), source, f"setups.{name}")
+    try:
+        if name in PAPER_SETUPS:
+            return dataclasses.replace(PAPER_SETUPS[name], **said)
+        return RewardSetup(name=name, **said)
+    except CoachableError as error:
+        raise PlanError(f"{source}: setups.{name}: {error}") from None
+
+
+def _seeds(value: Any, source: str) -> dict[str, int]:
+    return _table(value, {"first": int, "count": int}, source, "seeds")
+
+
+def _types(kind: type) -> dict[str, type]:
+    """The keys a table for this dataclass may have, with the type of each: that of its default."""
+    return {field.name: type(field.default) for field in fields(kind) if field.name != "name"}
+
+
+def _table(value: Any, types: Mapping[str, type], source: str, key: str) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        raise PlanError(f"{source}: {key} must be a table of {', '.join(types)}, got {value!r}")
+    for name in value:
+        if name not in types:
+            raise PlanError(f"{source}: unknown key {f'{key}.{name}'!r}; {suggestion(name, types)}")
+    return {name: _typed(item, types[name], source, f"{key}.{name}") for name, item in value.items()}
+
+
+def _typed(value: Any, kind: type, source: str, key: str) -> Any:
+    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    if kind is tuple and isinstance(value, list | tuple):
+        return tuple(value)
+    if type(value) is kind:
+        return value
+    word = {float: "a number", int: "a whole number", str: "text", tuple: "a list"}[kind]
+    raise PlanError(f"{source}: {key} must be {word}, got {value!r}")

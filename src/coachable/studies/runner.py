@@ -1,0 +1,138 @@
+"""Run a study from a plan to a complete run folder; go on where it was left."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+from contextlib import nullcontext
+from itertools import accumulate, pairwise
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.library import load_behaviour
+from coachable.studies.folder import RunFolder
+from coachable.studies.group import SECONDS_BETWEEN_CHECKPOINTS, Group
+from coachable.studies.layout import group_widths, num_cores
+from coachable.studies.lock import locked
+from coachable.studies.plan import Study
+from coachable.studies.programs import Tasks, compile_programs
+from coachable.studies.progress import Report, SetupStatus, Status, progress_display
+from coachable.studies.results import walk_baseline, write_logs, write_policies, write_trajectories
+from coachable.studies.store import Run
+from coachable.studies.workers import take_turns
+
+
+def run_study(
+    study: Study, out: str | Path, *, progress: bool = True, allow_different_layout: bool = False
+) -> Run:
+    """Train and test every lane of a study and leave a complete run folder; go on where an earlier call was
+    stopped.
+
+    However often it is stopped, and however (even with kill -9), the folder ends with the same bits in its
+    tables and policies as without a stop, on one machine and with the same versions. A complete run is only
+    checked.
+
+    **Arguments:** `out`, the run folder, made if need be; `progress`, whether to show how it goes on stderr;
+    `allow_different_layout`, whether to go on under other versions or on another machine than the run was
+    begun with.
+
+    **Raises:** `RunFolderError` if the folder belongs to another plan, is damaged, or is being written by
+    another process; `KeyboardInterrupt` after everything is saved.
+    """
+    out = Path(out)
+    behaviour = load_behaviour(study.behaviour)
+    out.mkdir(parents=True, exist_ok=True)
+    set_up_jax()
+    with locked(out), jax.enable_x64(False):
+        if (out / "manifest.json").exists():
+            folder = RunFolder.resume(Run.open(out), study, behaviour, allow_different_layout)
+        else:
+            widths = group_widths(len(study.lanes), num_cores())
+            reference, _ = walk_baseline(study, behaviour)
+            folder = RunFolder.begin(out, study, behaviour, reference, widths)
+        if folder.manifest["status"] == "complete":
+            folder.remove_checkpoints()
+            return Run.open(out)
+        with progress_display(study.name) if progress else nullcontext(lambda status: None) as report:
+            _train(study, behaviour, folder, report)
+    return Run.open(out)
+
+
+def set_up_jax() -> None:
+    """Keep compiled programs between runs, and let each one run in the thread that calls it."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "coachable" / "jax"
+    jax.config.update("jax_compilation_cache_dir", str(cache))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    jax.config.update("jax_cpu_enable_async_dispatch", False)
+
+
+def _train(study: Study, behaviour: Behaviour, folder: RunFolder, report: Report) -> None:
+    def tell(doing: str) -> None:
+        report(_status(doing, study, groups))
+
+    groups: list[Group] = []
+    tell("compiling")
+    workers = num_cores()
+    tasks = Tasks.of(study, behaviour)
+    programs = compile_programs(study, tasks, folder.group_widths, workers)
+    ends = accumulate(folder.group_widths, initial=0)
+    for index, (start, end) in enumerate(pairwise(ends)):
+        lanes = study.lanes[start:end]
+        groups.append(Group(study, lanes, tasks, programs[len(lanes)], folder.checkpoint(index)))
+
+    next_refresh = time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
+
+    def watch() -> None:
+        nonlocal next_refresh
+        tell("training" if any(group.num_updates < study.num_updates for group in groups) else "testing")
+        if time.monotonic() > next_refresh:
+            write_logs(folder, groups)
+            folder.write_manifest()
+            next_refresh = time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
+
+    try:
+        take_turns(groups, workers, watch)
+        tell("writing")
+        write_logs(folder, groups)
+        write_policies(folder, study, groups)
+        write_trajectories(folder, walk_baseline(study, behaviour)[1], groups)
+        folder.complete()
+    except BaseException:
+        for group in groups:
+            group.save()
+        write_logs(folder, groups)
+        folder.write_manifest("interrupted")
+        raise
+
+
+def _status(doing: str, study: Study, groups: Sequence[Group]) -> Status:
+    latest = [
+        (lane.setup, group.latest, i)
+        for group in groups
+        if group.latest
+        for i, lane in enumerate(group.lanes)
+    ]
+    setups = []
+    for setup in study.setups:
+        mine = [(columns, index) for name, columns, index in latest if name == setup.name]
+        distances = [columns[study.distance][index] for columns, index in mine]
+        setups.append(
+            SetupStatus(
+                name=setup.name,
+                num_lanes=study.num_seeds,
+                num_evaluated=len(mine),
+                num_up=sum(not columns["fell"][index] for columns, index in mine),
+                mean_distance=float(np.mean(distances)) if distances else float("nan"),
+            )
+        )
+    return Status(
+        doing=doing,
+        steps=sum(group.num_updates * len(group.lanes) for group in groups) * study.ppo.n_steps,
+        total_steps=study.num_updates * len(study.lanes) * study.ppo.n_steps,
+        lanes_measured=sum(group.num_measured for group in groups),
+        setups=tuple(setups),
+    )

@@ -1,0 +1,179 @@
+"""The run folder, format_version 1, for its readers: tables, policies and trajectories, each checked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from safetensors import SafetensorError
+from safetensors.numpy import load
+
+from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.suggestion import suggestion
+from coachable.errors import BehaviourError, PlanError, RunFolderError
+from coachable.studies.columns import FORMAT_VERSION, SCHEMAS
+from coachable.studies.files import read_bytes, table_from
+from coachable.studies.plan import Lane, Study, parse_plan
+
+if TYPE_CHECKING:
+    from coachable.learning.policy import Policy
+
+Which = Literal["last", "best"]
+BASELINE = "virtual-gravity"
+"""The lane under which the baseline's trajectory is kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What a study left in its folder, complete or under way. Reading changes nothing.
+
+    Every method raises `RunFolderError` naming the file that is missing or damaged.
+    """
+
+    path: Path
+    plan: Study
+    behaviour: Behaviour
+    manifest: Mapping[str, Any]
+
+    @staticmethod
+    def open(path: str | Path) -> Run:
+        """The run in this folder."""
+        path = Path(path)
+        if not path.is_dir():
+            raise RunFolderError(f"{path} is not a folder; give the --out of a study")
+        if not (path / "manifest.json").exists():
+            raise RunFolderError(f"{path} is not a run folder: it has no manifest.json")
+        manifest = _json(path / "manifest.json")
+        version = manifest.get("format_version")
+        if version != FORMAT_VERSION:
+            raise RunFolderError(
+                f"{path} has format_version {version!r}; this coachable reads {FORMAT_VERSION}. "
+                "Use the version of coachable that wrote it"
+            )
+        hashes = manifest.get("files", {})
+        plan_text = _text(path / "plan.toml", hashes.get("plan.toml"))
+        behaviour_text = _text(path / "behaviour.behaviour", hashes.get("behaviour.behaviour"))
+        try:
+            plan = parse_plan(plan_text, str(path / "plan.toml"))
+            behaviour = Behaviour.from_json(behaviour_text)
+        except PlanError as error:
+            raise RunFolderError(f"{path / 'plan.toml'} is damaged: {error}") from None
+        except BehaviourError as error:
+            raise RunFolderError(f"{path / 'behaviour.behaviour'} is damaged: {error}") from None
+        return Run(path, plan, behaviour, manifest)
+
+    @property
+    def status(self) -> str:
+        """`running`, `interrupted` or `complete`. A run whose process was killed still says `running`."""
+        return self.manifest.get("status", "running")
+
+    @property
+    def lanes(self) -> tuple[Lane, ...]:
+        """Every (setup, seed), setup by setup."""
+        return self.plan.lanes
+
+    @property
+    def baseline(self) -> Mapping[str, Any]:
+        """The virtual gravity controller's episode: `hip_x`, `foot_x` [m], `returns` by setup, and the rest
+        of what
+        `coachable baseline` prints."""
+        return self.manifest["baseline"]
+
+    def table(self, name: str) -> pa.Table:
+        """`episodes`, `evaluations`, `trajectories` or `survival`, columns as in `studies/columns.py`."""
+        if name not in SCHEMAS:
+            raise RunFolderError(f"a run has no table {name!r}; {suggestion(name, SCHEMAS)}")
+        path = self.path / f"{name}.parquet"
+        return table_from(self._read(path), path, SCHEMAS[name])
+
+    def columns(self, name: str) -> dict[str, np.ndarray]:
+        """The same table as NumPy arrays by column."""
+        return _columns(self.table(name))
+
+    def policy(self, setup: str, seed: int, which: Which = "last") -> Policy:
+        """The lane's learned controller: the `last`, or the `best` by evaluation return."""
+        from coachable.learning.policy import Policy
+
+        stem = self.path / "policies" / f"{self.lane(setup, seed).name}-{which}"
+        weights, description = stem.with_name(f"{stem.name}.safetensors"), stem.with_name(f"{stem.name}.json")
+        try:
+            return Policy.of(load(self._read(weights)), _json(description, self._hash(description)))
+        except (SafetensorError, RunFolderError) as error:
+            if isinstance(error, RunFolderError) and str(self.path) in str(error):
+                raise
+            raise RunFolderError(f"{weights} is damaged: {error}") from None
+
+    def trajectory(self, setup: str, seed: int, which: Which = "last") -> dict[str, np.ndarray]:
+        """The stored evaluation episode of one lane, as NumPy arrays by column."""
+        return self._trajectory(self.lane(setup, seed).name, which)
+
+    def baseline_trajectory(self) -> dict[str, np.ndarray]:
+        """The stored episode of the virtual gravity controller, as NumPy arrays by column."""
+        return self._trajectory(BASELINE, "baseline")
+
+    def lane(self, setup: str, seed: int) -> Lane:
+        """The lane of this setup and seed, which the plan must have."""
+        names = [s.name for s in self.plan.setups]
+        if setup not in names:
+            raise RunFolderError(f"{self.path} has no setup {setup!r}; {suggestion(setup, names)}")
+        if seed not in self.plan.seeds:
+            first, last = self.plan.seeds[0], self.plan.seeds[-1]
+            raise RunFolderError(f"{self.path} has no seed {seed}; it has {first} to {last}")
+        return Lane(setup, seed)
+
+    def _trajectory(self, lane: str, which: str) -> dict[str, np.ndarray]:
+        table = self.table("trajectories")
+        rows = table.filter((pc.field("lane") == lane) & (pc.field("which") == which))
+        if not len(rows):
+            raise RunFolderError(
+                f"{self.path / 'trajectories.parquet'} has no trajectory {which!r} of {lane}"
+            )
+        return _columns(rows.drop_columns(["lane", "which"]))
+
+    def _hash(self, path: Path) -> str | None:
+        return self.manifest.get("files", {}).get(path.relative_to(self.path).as_posix())
+
+    def _read(self, path: Path) -> bytes:
+        if not path.exists() and self.status != "complete":
+            raise RunFolderError(
+                f"{path} is not there yet: the run is {self.status}. Run its study again to go on"
+            )
+        return read_bytes(path, self._hash(path))
+
+
+def load_run(path: str | Path) -> Run:
+    """The run in a folder that `coachable study` wrote.
+
+    **Raises:** `RunFolderError` naming what is wrong with it.
+    """
+    return Run.open(path)
+
+
+def _columns(table: pa.Table) -> dict[str, np.ndarray]:
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    return {
+        name: column.astype(str) if column.dtype == object else column for name, column in columns.items()
+    }
+
+
+def _text(path: Path, sha256: str | None = None) -> str:
+    try:
+        return read_bytes(path, sha256).decode()
+    except UnicodeDecodeError:
+        raise RunFolderError(f"{path} is damaged: it is not text") from None
+
+
+def _json(path: Path, sha256: str | None = None) -> dict[str, Any]:
+    try:
+        data = json.loads(_text(path, sha256))
+    except json.JSONDecodeError as error:
+        raise RunFolderError(f"{path} is damaged: {error}") from None
+    if not isinstance(data, dict):
+        raise RunFolderError(f"{path} is damaged: it holds no object")
+    return data
