@@ -1,0 +1,75 @@
+"""Say how a robot should move; get the reward, the trained policy, and evidence that it moves that way.
+
+    import coachable as co
+
+    walk = co.load_behaviour("compass-walking")
+    run = co.study("paper", out="runs/paper", seeds=15)
+    policy = co.load_run("runs/paper").policy("orthant", seed=3)
+    trajectory = co.rollout(policy, seconds=10.0)
+
+Names are loaded when they are first used, so that importing this package is quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from coachable.automata.hybrid import HybridAutomaton as HybridAutomaton
+    from coachable.behaviours.behaviour import Behaviour as Behaviour
+    from coachable.behaviours.library import load_behaviour as load_behaviour
+    from coachable.envs.baselines import baseline as baseline
+    from coachable.envs.rollout import Trajectory as Trajectory
+    from coachable.envs.walking_task import make_task as make_task
+    from coachable.errors import CoachableError as CoachableError
+    from coachable.learning.config import PPOConfig as PPOConfig
+    from coachable.learning.policy import Policy as Policy
+    from coachable.plants.compass import CompassParameters as CompassParameters
+    from coachable.plants.compass import CompassWalker as CompassWalker
+    from coachable.plants.controllers import ConstantTorque as ConstantTorque
+    from coachable.plants.controllers import NoTorque as NoTorque
+    from coachable.plants.controllers import VirtualGravity as VirtualGravity
+    from coachable.rewards.setup import RewardSetup as RewardSetup
+    from coachable.studies.api import rollout as rollout
+    from coachable.studies.api import study as study
+    from coachable.studies.citation import citation as citation
+    from coachable.studies.plan import Study as Study
+    from coachable.studies.plan import load_plan as load_plan
+    from coachable.studies.store import Run as Run
+    from coachable.studies.store import load_run as load_run
+
+_HOMES = {
+    "Behaviour": "behaviours.behaviour",
+    "CoachableError": "errors",
+    "CompassParameters": "plants.compass",
+    "CompassWalker": "plants.compass",
+    "ConstantTorque": "plants.controllers",
+    "HybridAutomaton": "automata.hybrid",
+    "NoTorque": "plants.controllers",
+    "PPOConfig": "learning.config",
+    "Policy": "learning.policy",
+    "RewardSetup": "rewards.setup",
+    "Run": "studies.store",
+    "Study": "studies.plan",
+    "Trajectory": "envs.rollout",
+    "VirtualGravity": "plants.controllers",
+    "baseline": "envs.baselines",
+    "citation": "studies.citation",
+    "load_behaviour": "behaviours.library",
+    "load_plan": "studies.plan",
+    "load_run": "studies.store",
+    "make_task": "envs.walking_task",
+    "rollout": "studies.api",
+    "study": "studies.api",
+}
+
+__all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'coachable' has no attribute {name!r}")
+    return getattr(import_module(f"coachable.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})
