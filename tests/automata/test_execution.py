@@ -222,9 +222,18 @@ def test_a_state_that_leaves_the_numbers_ends_the_execution():
     assert np.isfinite(execution.states).all()
 
 
-@pytest.mark.parametrize("controller", [NoTorque(), ConstantTorque((-1.35, -0.18))])
+class Feedback(eqx.Module):
+    gains: np.ndarray
+
+    def __call__(self, x):
+        return self.gains @ x
+
+
+@pytest.mark.parametrize(
+    "controller", [NoTorque(), ConstantTorque((-1.35, -0.18)), Feedback(np.zeros((2, 4)))]
+)
 def test_every_controller_can_be_executed(controller):
-    execution = execute(HybridAutomaton.of(WALKING, WALKER), IN_O1, controller, 0.05)
+    execution = execute(HybridAutomaton.of(WALKING, WALKER), np.array(IN_O1), controller, 0.05)
     assert execution.status is Status.COMPLETED
 
 

@@ -6,7 +6,7 @@ from coachable.behaviours import Behaviour, load_behaviour
 from coachable.behaviours.library import SHIPPED
 from coachable.errors import BehaviourError
 
-STATES = [
+STATES: list[dict[str, float]] = [
     dict(zip(("theta_1", "theta_2", "dtheta_1", "dtheta_2"), values, strict=True))
     for values in itertools.product((-0.3, -0.0, 0.0, 0.2), repeat=4)
 ]

@@ -1,5 +1,7 @@
 """The walking task pays and ends as both semantics say, line by line, and across episodes."""
 
+import inspect
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -29,8 +31,8 @@ class LineByLine:
         self.total = 0
         self.last_action = self.last_orthant = None
         walker = CompassWalker(backward_passing_counts=self.released)
-        rule = {"chatter": ChatterRule(None, 1e-3)} if self.released else {}
-        self.advance = jax.jit(lambda x, foot_x, u: advance(walker, x, foot_x, u, 0.01, **rule))
+        rule = ChatterRule(None, 1e-3) if self.released else ChatterRule()
+        self.advance = jax.jit(lambda x, foot_x, u: advance(walker, x, foot_x, u, 0.01, chatter=rule))
         self.reset()
 
     def reset(self):
@@ -67,12 +69,12 @@ class LineByLine:
         if self.last_hip is not None:
             terms["forward"] = 1.0 if hip > self.last_hip else -1.0
         orthant, last = self.orthant(x), self.last_orthant
-        if self.released:
-            if last is not None:
-                terms["orthant"] = 1.0 if orthant in (last, (last + 1) % 5) else -1.0
-        else:
-            follows = orthant == last or last == -1 or orthant == last % 4 + 1
-            terms["orthant"] = 1.0 if orthant != -1 and follows else -1.0
+        if last is not None:
+            if self.released:
+                follows = orthant in (last, (last + 1) % 5)
+            else:
+                follows = orthant != -1 and (last == -1 or orthant in (last, last % 4 + 1))
+            terms["orthant"] = 1.0 if follows else -1.0
         self.last_action, self.last_orthant, self.last_hip = u, orthant, hip
         observation = self.x
         if self.every and self.total % self.every == 0:
@@ -125,17 +127,20 @@ def test_shared_evaluation_moves_the_walker_but_not_what_the_controller_sees():
     assert state.hip_x == timestep.hip_x
 
 
-def fallen(semantics):
-    task = make_task(SETUP, semantics, box=NO_BOX)
-    step, state = eqx.filter_jit(task.step), task.init()
-    while True:
-        before, (state, timestep) = state, step(state, jnp.array([0.3, 0.0]))
-        if timestep.terminated:
-            return task, before, state, timestep
+def falling_step(semantics):
+    """A step in which the walker falls, from a state that is well under way."""
+    task = make_task(SETUP, semantics)
+    x, foot_x = jnp.array([1.55, 0.2, 3.0, 0.0]), jnp.array(0.7)
+    before = eqx.tree_at(
+        lambda s: (s.x, s.observation, s.foot_x, s.hip_x, s.num_steps),
+        task.init(),
+        (x, x, foot_x, task.plant.hip(x, foot_x)[0], jnp.asarray(9, jnp.int32)),
+    )
+    return (task, before, *eqx.filter_jit(task.step)(before, jnp.array([-1.0, -0.5])))
 
 
 def test_a_fall_in_the_paper_ends_on_the_ground_and_pays_no_distance():
-    task, _, state, timestep = fallen(PAPER)
+    task, _, state, timestep = falling_step(PAPER)
     assert timestep.fell
     np.testing.assert_allclose(task.plant.hip(state.x, state.foot_x)[1], 0, atol=1e-12)
     assert timestep.terms[TERM_NAMES.index("fall")] == 1
@@ -143,12 +148,12 @@ def test_a_fall_in_the_paper_ends_on_the_ground_and_pays_no_distance():
 
 
 def test_a_fall_in_the_released_code_is_seen_from_before_the_step():
-    _, before, state, timestep = fallen(RELEASED)
+    _, before, state, timestep = falling_step(RELEASED)
     assert timestep.fell
     np.testing.assert_array_equal(state.x, before.x)
     np.testing.assert_array_equal(timestep.observation, before.observation)
     assert timestep.hip_x == before.hip_x
-    assert timestep.terms[TERM_NAMES.index("distance")] == before.foot_x
+    assert timestep.terms[TERM_NAMES.index("distance")] == before.foot_x == 0.7
     assert timestep.terms[TERM_NAMES.index("forward")] == -1
 
 
@@ -297,6 +302,11 @@ def test_mistakes_are_refused_where_they_are_made():
     for seconds in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(ParameterError, match="seconds"):
             make_task(SETUP, seconds=seconds)
+    unchecked = inspect.unwrap(make_task)  # as users have it, without the tests' type checks
+    with pytest.raises(ParameterError, match=r"semantics 'papper'.*'paper'"):
+        unchecked(SETUP, "papper")
+    with pytest.raises(ParameterError, match=r"clock 'fre'.*'free'"):
+        unchecked(SETUP, clock="fre")
 
 
 def test_another_walker_walks_differently():

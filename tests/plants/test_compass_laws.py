@@ -116,8 +116,8 @@ def test_coriolis_does_no_work(parameters):
         mass_rate = jax.jvp(walker.mass_matrix, (x,), (jnp.concatenate([x[2:], jnp.zeros(2)]),))[1]
         return mass_rate - 2 * walker.coriolis(x)
 
-    skew = jax.vmap(skew)(random_states(3))
-    np.testing.assert_allclose(skew + jnp.swapaxes(skew, 1, 2), 0, atol=1e-12)
+    differences = jax.vmap(skew)(random_states(3))
+    np.testing.assert_allclose(differences + jnp.swapaxes(differences, 1, 2), 0, atol=1e-12)
 
 
 @each_walker

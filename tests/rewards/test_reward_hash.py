@@ -6,14 +6,15 @@ import sys
 import pytest
 
 from coachable.behaviours import All, Behaviour, Comparison, Edge, Not, Phase, load_behaviour
+from coachable.rewards.phase_reward import Variant
 from coachable.rewards.reward_hash import reward_hash
-from coachable.rewards.setup import PAPER_SETUPS, RewardSetup
+from coachable.rewards.setup import PAPER_SETUPS, RewardSetup, Semantics
 
 WALKING = load_behaviour("compass-walking")
 ORTHANT = PAPER_SETUPS["orthant"]
 
 
-def hash_of(behaviour=WALKING, variant="stay", semantics="paper", setup=ORTHANT):
+def hash_of(behaviour=WALKING, variant: Variant = "stay", semantics: Semantics = "paper", setup=ORTHANT):
     return reward_hash(behaviour, variant, semantics, setup)
 
 

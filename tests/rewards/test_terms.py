@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coachable.behaviours import load_behaviour
-from coachable.rewards.phase_reward import PhaseReward
-from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES
+from coachable.rewards.phase_reward import PhaseReward, Variant
+from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, Semantics
 from coachable.rewards.terms import StepFacts, full_reward, r_dist, r_fall, r_for, r_jerk, r_or, reward_terms
 
-BOTH = ("paper", "released-code")
-VARIANT_OF = {"paper": "stay", "released-code": "released"}
+BOTH: tuple[Semantics, ...] = ("paper", "released-code")
+VARIANT_OF: dict[str, Variant] = {"paper": "stay", "released-code": "released"}
 BEHAVIOUR_OF = {"paper": "compass-walking", "released-code": "compass-walking-released"}
 TORQUES = st.tuples(st.floats(-2, 2, allow_subnormal=False), st.floats(-2, 2, allow_subnormal=False)).map(
     np.array
@@ -62,7 +62,7 @@ def test_jerk_is_the_length_of_the_change_or_its_square(now, before):
     ("time_is_up", "fell", "paper", "released"), [(0, 0, 0, 0), (0, 1, 0, 7), (1, 0, 8, 7), (1, 1, 0, 7)]
 )
 def test_distance_is_paid_when_the_episode_ends(time_is_up, fell, paper, released):
-    for semantics, paid in (("paper", paper), ("released-code", released)):
+    for semantics, paid in zip(BOTH, (paper, released), strict=True):
         ends = jnp.asarray(bool(time_is_up)), jnp.asarray(bool(fell))
         assert r_dist(jnp.asarray(8.0), jnp.asarray(7.0), *ends, semantics) == paid
 

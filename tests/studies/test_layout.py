@@ -1,6 +1,7 @@
 """Which lanes train together, with which keys, evaluated when."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -18,10 +19,15 @@ def test_groups_hold_every_lane_in_at_most_two_widths(num_lanes, cores):
     assert len(widths) >= min(cores, num_lanes) // 2
 
 
-def test_the_studies_that_ship_need_one_program():
-    assert group_widths(60, 2) == (10,) * 6
-    assert group_widths(400, 2) == (10,) * 40
-    assert group_widths(4, 2) == (2, 2)
+@pytest.mark.parametrize("cores", [1, 2, 4])
+@pytest.mark.parametrize("plan", ["demo", "paper", "paper-100"])
+def test_the_studies_that_ship_need_one_program_and_every_core(plan, cores):
+    widths = group_widths(len(load_plan(plan).lanes), cores)
+    assert len(set(widths)) == 1
+    assert len(widths) >= cores
+
+
+def test_a_remainder_is_avoided_where_a_somewhat_smaller_width_leaves_none():
     assert group_widths(15, 2) == (5, 5, 5)
     assert group_widths(7, 2) == (4, 3)
 

@@ -28,7 +28,7 @@ _INK, _GREY = "#1f2933", "#5f6b7a"
 _FONTS = "'Helvetica Neue', Helvetica, Arial, 'DejaVu Sans', sans-serif"
 _STYLE = f"""
 .automaton text {{ font-family: {_FONTS}; fill: {_INK}; }}
-{" ".join(f".automaton .{kind} {{ font-size: {size}px; }}" for kind, size in SIZES.items())}
+{" ".join(f".automaton .{kind} {{ font-size: {size:g}px; }}" for kind, size in SIZES.items())}
 .automaton .name, .automaton .event {{ font-weight: bold; }}
 .automaton .title, .automaton .note {{ fill: {_GREY}; }}
 .automaton .card {{ fill: #ffffff; stroke: #e3e7ec; }}
@@ -74,7 +74,7 @@ def automaton_svg(behaviour: Behaviour, resets: Mapping[str, Mapping[str, str]] 
         if lines := [line for edge in edges for line in _event_lines(edge, behaviour, resets)]:
             boxes.append(box := _label_box(arrow, size_of(lines), boxes))
             labels.append(_label(box, lines, colours))
-        boxes.append(Box(*arrow.label_at, 2, 2))
+        boxes.append(Box(*arrow.label_at, 2.0, 2.0))
     title = f"{behaviour.name}: {behaviour.description}"
     return _document(title, surrounding(boxes, _MARGIN), [*arrows, *labels, *nodes])
 
@@ -87,7 +87,7 @@ def _document(title: str, page: Box, parts: Sequence[str]) -> str:
             f'height="{page.height:.0f}" viewBox="{left:.1f} {top:.1f} {page.width:.1f} {page.height:.1f}">',
             f"<title>{safe(title)}</title>",
             f"<style>{_STYLE}</style>",
-            _rectangle("card", Box(page.x, page.y, page.width - 2, page.height - 2), 14),
+            _rectangle("card", Box(page.x, page.y, page.width - 2, page.height - 2), 14.0),
             *parts,
             "</svg>\n",
         ]
@@ -158,7 +158,7 @@ def _node(phase: Phase, box: Box, lines: Sequence[Line], colours: Mapping[str, s
     text = lettering(
         lines, left + (PICTURE + _PADDING if colours else 0), box.y - size_of(lines)[1] / 2, colours
     )
-    return f"<g>{_rectangle('node', box, 12)}{picture}{text}</g>"
+    return f"<g>{_rectangle('node', box, 12.0)}{picture}{text}</g>"
 
 
 def _label_box(arrow: Arrow, size: tuple[float, float], taken: Sequence[Box]) -> Box:
@@ -175,13 +175,13 @@ def _label_box(arrow: Arrow, size: tuple[float, float], taken: Sequence[Box]) ->
 
 def _label(box: Box, lines: Sequence[Line], colours: Mapping[str, str]) -> str:
     text = lettering(lines, box.x - box.width / 2, box.y - box.height / 2, colours)
-    return _rectangle("clearing", box, 4) + text
+    return _rectangle("clearing", box, 4.0) + text
 
 
 def _rectangle(kind: str, box: Box, radius: float) -> str:
     return (
         f'<rect class="{kind}" x="{box.x - box.width / 2:.1f}" y="{box.y - box.height / 2:.1f}" '
-        f'width="{box.width:.1f}" height="{box.height:.1f}" rx="{radius}"/>'
+        f'width="{box.width:.1f}" height="{box.height:.1f}" rx="{radius:g}"/>'
     )
 
 

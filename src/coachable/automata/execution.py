@@ -72,7 +72,7 @@ class Execution:
 
 def execute(
     automaton: HybridAutomaton,
-    x0: Sequence[float],
+    x0: Sequence[float] | Float[np.ndarray, " state"],
     controller: Callable[[Float[Array, " state"]], Float[Array, " control"]],
     seconds: float,
     control_dt: float = 0.01,
@@ -127,11 +127,13 @@ class _Executor:
             return _Look(x, signals, plant.guard(x), plant.can_touch_down(x), plant.fall_margin(x))
 
         self.look = jax.jit(look)
-        self.control = jax.jit(controller)
+        # The lambda hides what jit would hash: a controller may hold arrays.
+        self.control = jax.jit(lambda x: controller(x))
         # One compiled step for each distinct activity: the locations of a plant share theirs.
+        distinct = {id(activity): activity for activity in automaton.activities.values()}
         self.look_ahead = {
-            activity: jax.jit(lambda x, u, h, activity=activity: look(rk4(activity, x, u, h)))
-            for activity in set(automaton.activities.values())
+            key: jax.jit(lambda x, u, h, activity=activity: look(rk4(activity, x, u, h)))
+            for key, activity in distinct.items()
         }
 
     def run(self, x: Array, seconds: float, control_dt: float) -> Execution:
@@ -174,7 +176,7 @@ class _Executor:
         for substep in range(_NUM_SUBSTEPS):
             end = duration * (substep + 1) / _NUM_SUBSTEPS
             while elapsed < end:
-                look_ahead = self.look_ahead[self.automaton.activities[location]]
+                look_ahead = self.look_ahead[id(self.automaton.activities[location])]
                 before, armed = x, bool(self.look(x).guard > 0)
 
                 def happens(h: float, location=location, look=look_ahead, before=before, armed=armed) -> bool:

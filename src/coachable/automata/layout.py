@@ -65,7 +65,7 @@ def arrow_head(tip: Point, behind: Point, size: float = _HEAD) -> str:
     def at(back: float, aside: float) -> str:
         return f"{x - back * along - aside * across:.1f} {y - back * across + aside * along:.1f}"
 
-    return f"M{at(0, 0)}L{at(size, 0.42 * size)}L{at(0.75 * size, 0)}L{at(size, -0.42 * size)}Z"
+    return f"M{at(0.0, 0.0)}L{at(size, 0.42 * size)}L{at(0.75 * size, 0.0)}L{at(size, -0.42 * size)}Z"
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Ring:
             across, along = 1.02 * across, 1.04 * along
 
     @staticmethod
-    def angle(index: float, count: int) -> float:
+    def angle(index: int | float, count: int) -> float:
         """The parameter at which the box of an index lies; between two indices, between two boxes [rad]."""
         return 2 * math.pi * index / count - math.pi / 2
 

@@ -11,17 +11,18 @@ from unicodedata import combining
 from coachable.automata.notation import DOT_ABOVE
 
 SIZES: Mapping[str, float] = {
-    "name": 17,
+    "name": 17.0,
     "title": 12.5,
-    "formula": 15,
-    "event": 14,
+    "formula": 15.0,
+    "event": 14.0,
     "reset": 14.5,
-    "note": 12,
+    "note": 12.0,
 }
 """The size of each kind of text [px]."""
 
 _LEADING: Mapping[str, float] = {"title": 1.3, "formula": 1.55, "reset": 1.5}
 _GLYPH = 0.54
+_FORBIDDEN = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Line:
 
 def size_of(lines: Sequence[Line]) -> tuple[float, float]:
     """Width and height of lines below one another [px]."""
-    return max((line.width for line in lines), default=0.0), sum(line.height for line in lines)
+    return max((line.width for line in lines), default=0.0), sum((line.height for line in lines), 0.0)
 
 
 def lettering(lines: Sequence[Line], left: float, top: float, colours: Mapping[str, str]) -> str:
@@ -73,7 +74,7 @@ def lettering(lines: Sequence[Line], left: float, top: float, colours: Mapping[s
 
 def safe(text: str) -> str:
     """Text that XML shows and does not read, without the characters that XML cannot hold."""
-    return escape("".join(character for character in text if character.isprintable() or character.isspace()))
+    return escape(_FORBIDDEN.sub("", text))
 
 
 def _coloured(text: str, colours: Mapping[str, str]) -> str:

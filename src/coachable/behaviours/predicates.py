@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import math
 import operator
+import typing
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from types import MappingProxyType
-from typing import TypeVar
 
 from coachable.errors import BehaviourError
-
-Value = TypeVar("Value")
 
 OPERATORS: Mapping[str, Callable] = MappingProxyType(
     {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
@@ -119,7 +117,7 @@ def _operand(predicate: Predicate) -> str:
     return f"({predicate})" if isinstance(predicate, All | Any) else str(predicate)
 
 
-def holds(predicate: Predicate, values: Mapping[str, Value]) -> Value:
+def holds(predicate: Predicate, values: Mapping[str, typing.Any]) -> typing.Any:
     """Whether the predicate holds at the given signal values.
 
     The values may be floats or arrays of any library with elementwise `<`, `&`, `|` and `^`; for floats

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -74,7 +75,7 @@ def baseline(
         setup = PAPER_SETUPS["sparse"]
         task = make_task(setup, semantics, parameters=parameters, seconds=seconds, box=NO_BOX)
         controller = _controller(controller_name, task)
-        episode, numbers = jax.jit(lambda: _walk(task, controller))()
+        episode, numbers = eqx.filter_jit(_walk)(task, controller)
         trajectory = Trajectory.of(task, episode)
         times, feet = touchdowns(task, trajectory)
     period, step_length = _mean_of_last(np.diff(times)), _mean_of_last(np.diff(feet))

@@ -99,7 +99,7 @@ class PhaseReward(eqx.Module):
 
     def locate(self, signals: Float[Array, "*batch num_signals"]) -> Int[Array, "*batch"]:
         """𝒪(x): the location of a state; see `Classifier`."""
-        return self.classifier(signals)
+        return jnp.asarray(self.classifier(signals))
 
     def __call__(
         self, current: Int[Array, "*batch"], previous: Int[Array, "*batch"]

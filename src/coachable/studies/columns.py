@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 
+import numpy as np
 import pyarrow as pa
 
 from coachable.plants.compass import STATE_NAMES
@@ -65,7 +66,7 @@ over the episode, in `trajectories` what the step that began at `t` paid. `phase
 phases from 0; outside all of them is their number."""
 
 
-def table_of(name: str, columns: Mapping[str, Sequence]) -> pa.Table:
+def table_of(name: str, columns: Mapping[str, np.ndarray | list]) -> pa.Table:
     """The table of this name from its columns, in the schema's order."""
     schema = SCHEMAS[name]
     return pa.table([pa.array(columns[field.name], field.type) for field in schema], schema=schema)

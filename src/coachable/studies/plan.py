@@ -17,6 +17,7 @@ from coachable.plants.compass import CompassParameters
 from coachable.rewards.setup import PAPER_SETUPS, RewardSetup
 from coachable.studies.study import Lane as Lane
 from coachable.studies.study import Study as Study
+from coachable.studies.study import check_choices
 from coachable.studies.study import differences as differences
 
 IMPLIED = {
@@ -100,6 +101,7 @@ def resolve(*layers: tuple[str, Mapping[str, Any]]) -> Study:
         raise PlanError(f'{layers[0][0]}: the plan has no name; add a line such as name = "mine"')
     sources = " with ".join(source for source, data in layers if data)
     try:
+        check_choices(merged)
         parameters = CompassParameters(**merged.pop("plant", {}))
         ppo = PPOConfig(**merged.pop("ppo", {}))
         implied = IMPLIED.get(merged.get("semantics", "paper"), {})

@@ -25,12 +25,14 @@ from coachable.studies.results import walk_baseline, write_logs, write_policies,
 from coachable.studies.store import Run
 from coachable.studies.workers import take_turns
 
+MOST_TIME_FOR_REFRESHING = 0.02
+"""Share of the time that may go into keeping the tables of an unfinished run readable."""
+
 
 def run_study(
     study: Study, out: str | Path, *, progress: bool = True, allow_different_layout: bool = False
 ) -> Run:
-    """Train and test every lane of a study and leave a complete run folder; go on where an earlier call was
-    stopped.
+    """Train and test every lane of a study, or go on where an earlier call was stopped.
 
     However often it is stopped, and however (even with kill -9), the folder ends with the same bits in its
     tables and policies as without a stop, on one machine and with the same versions. A complete run is only
@@ -46,17 +48,18 @@ def run_study(
     out = Path(out)
     behaviour = load_behaviour(study.behaviour)
     out.mkdir(parents=True, exist_ok=True)
-    set_up_jax()
     with locked(out), jax.enable_x64(False):
+        folder = None
         if (out / "manifest.json").exists():
             folder = RunFolder.resume(Run.open(out), study, behaviour, allow_different_layout)
-        else:
+            if folder.manifest["status"] == "complete":
+                folder.remove_checkpoints()
+                return Run.open(out)
+        set_up_jax()
+        if folder is None:
             widths = group_widths(len(study.lanes), num_cores())
             reference, _ = walk_baseline(study, behaviour)
             folder = RunFolder.begin(out, study, behaviour, reference, widths)
-        if folder.manifest["status"] == "complete":
-            folder.remove_checkpoints()
-            return Run.open(out)
         with progress_display(study.name) if progress else nullcontext(lambda status: None) as report:
             _train(study, behaviour, folder, report)
     return Run.open(out)
@@ -89,12 +92,16 @@ def _train(study: Study, behaviour: Behaviour, folder: RunFolder, report: Report
     def watch() -> None:
         nonlocal next_refresh
         tell("training" if any(group.num_updates < study.num_updates for group in groups) else "testing")
-        if time.monotonic() > next_refresh:
+        if (began := time.monotonic()) > next_refresh:
             write_logs(folder, groups)
             folder.write_manifest()
-            next_refresh = time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
+            took = time.monotonic() - began
+            next_refresh = time.monotonic() + max(
+                SECONDS_BETWEEN_CHECKPOINTS, took / MOST_TIME_FOR_REFRESHING
+            )
 
     try:
+        tell("training")
         take_turns(groups, workers, watch)
         tell("writing")
         write_logs(folder, groups)

@@ -66,9 +66,7 @@ class Study:
     ppo: PPOConfig = field(default_factory=PPOConfig)
 
     def __post_init__(self) -> None:
-        for key, choices in CHOICES.items():
-            if (value := getattr(self, key)) not in choices:
-                raise PlanError(f"{key} = {value!r}: {suggestion(str(value), choices)}")
+        check_choices(vars(self))
         for key, least in {"steps": 1, "evaluate_every": 1, "first_seed": 0, "num_seeds": 1}.items():
             if getattr(self, key) < least:
                 raise PlanError(f"{key} must be at least {least}, got {getattr(self, key)}")
@@ -129,6 +127,13 @@ class Study:
             "plant": dataclasses.asdict(self.plant),
             "ppo": dataclasses.asdict(self.ppo),
         }
+
+
+def check_choices(values: Mapping[str, Any]) -> None:
+    """**Raises:** `PlanError` if a key that has a few possible values has another one."""
+    for key, choices in CHOICES.items():
+        if key in values and values[key] not in choices:
+            raise PlanError(f"{key} = {values[key]!r}: {suggestion(str(values[key]), choices)}")
 
 
 def differences(ours: Study, theirs: Study) -> list[str]:
