@@ -1,0 +1,60 @@
+"""The table of a study: on the terminal, and as Markdown."""
+
+from __future__ import annotations
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from coachable.analysis.claims import Verdict
+from coachable.analysis.measurements import Measurements
+from coachable.analysis.sections import PAPER, Section, heading, sections
+
+COLUMNS = 100
+"""Width of the table where nobody says how wide the page is."""
+
+_STYLES: dict[str, str] = {
+    Verdict.HOLDS: "bold green",
+    Verdict.REVERSED: "bold red",
+    Verdict.UNDECIDED: "yellow",
+}
+
+
+def table(runs: Measurements) -> list[RenderableType]:
+    """The table as rich renderables, readable in 100 columns."""
+    return [Text(heading(runs), style="bold"), *(part for s in sections(runs) for part in _rendered(s))]
+
+
+def print_table(runs: Measurements) -> None:
+    """Print the table on the terminal, or 100 columns wide into a file or a pipe."""
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=COLUMNS)
+    console.print(*table(runs), sep="\n")
+
+
+def markdown(runs: Measurements) -> str:
+    """The table as Markdown."""
+    return "\n\n".join([f"# {heading(runs)}", *map(_as_markdown, sections(runs))]) + "\n"
+
+
+def _rendered(section: Section) -> list[RenderableType]:
+    grid = Table(
+        title=Text(section.title, style="bold"),
+        title_justify="left",
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+    )
+    for index, name in enumerate(section.header):
+        grid.add_column(Text(name), style="dim" if name == PAPER else "", no_wrap=index == 0)
+    for row in section.rows:
+        grid.add_row(*(Text(cell, style=_STYLES.get(cell, "")) for cell in row))
+    return [grid, *(Text(note, style="dim italic") for note in section.notes), Text()]
+
+
+def _as_markdown(section: Section) -> str:
+    rows = (section.header, ("---",) * len(section.header), *section.rows)
+    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+    return "\n\n".join([f"## {section.title}", "\n".join(lines), *section.notes])
