@@ -1,0 +1,1 @@
+"""Looking at a walk: a strobe picture, a gif, a film."""
