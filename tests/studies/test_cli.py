@@ -1,0 +1,143 @@
+"""The command line: quick help with examples, a clear message for a mistake, what the commands print."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from coachable import cli
+
+
+def run(capsys, *arguments):
+    """What a command prints, on stdout and stderr, and its exit status."""
+    try:
+        cli.main([str(argument) for argument in arguments])
+        status = 0
+    except SystemExit as stopped:
+        status = stopped.code
+    out, err = capsys.readouterr()
+    return out, err, status
+
+
+@pytest.fixture
+def copied_run(small_run, tmp_path):
+    return shutil.copytree(small_run.path, tmp_path / "run")
+
+
+def test_help_is_quick():
+    program = (
+        "import sys, time\nbegan = time.process_time()\nfrom coachable import cli\n"
+        "cli.main(['--help'])\n"
+        "try:\n    cli.main(['study', '--help'])\nexcept SystemExit:\n    pass\n"
+        "took = time.process_time() - began\n"
+        "assert not {'jax', 'numpy', 'matplotlib'} & set(sys.modules)\nassert took < 0.5, took\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_no_command_and_help_tell_all_commands(capsys):
+    for arguments in ([], ["--help"]):
+        out, _, status = run(capsys, *arguments)
+        assert status == 0
+        assert all(f"  {name} " in out for name in cli.COMMANDS)
+
+
+@pytest.mark.parametrize("name", cli.COMMANDS)
+def test_every_command_has_help_with_an_example(capsys, name):
+    out, _, status = run(capsys, name, "--help")
+    assert status == 0
+    assert f"    coachable {name}" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["studdy"], ["'studdy'", "'study'"]),
+        (["study", "papr"], ["'papr'", "'paper'"]),
+        (["study", "paper", "--setups", "orthant", "sprase"], ["'sprase'", "'sparse'"]),
+        (["study", "paper", "--semantics", "papr"], ["--semantics", "paper", "released-code"]),
+        (["study", "paper", "--steps", "many"], ["--steps"]),
+        (["study", "paper", "--steps", "0"], ["steps must be at least 1"]),
+        (["study", "paper", "--behaviour", "compas-walking"], ["'compas-walking'", "'compass-walking'"]),
+        (["table", "nowhere"], ["nowhere is not a folder"]),
+        (["watch", "nowhere", "-o", "gait.png"], ["nowhere is not a folder"]),
+        (["watch", "none", "-o", "gait.doc"], ["gait.doc", ".gif"]),
+        (["baseline", "--controller", "gravity"], ["--controller", "virtual-gravity"]),
+    ],
+)
+def test_a_mistake_is_one_clear_message_and_status_2(capsys, tmp_path, monkeypatch, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    out, err, status = run(capsys, *arguments)
+    assert status == 2
+    assert out == ""
+    assert "Traceback" not in err
+    assert all(words in err for words in said)
+    assert not list(tmp_path.rglob("*.toml"))
+
+
+def test_a_file_that_cannot_be_written_is_named(capsys, tmp_path):
+    (tmp_path / "file").write_text("")
+    _, err, status = run(capsys, "study", "demo", "--out", tmp_path / "file" / "run")
+    assert status == 2
+    assert str(tmp_path / "file") in err
+
+
+def test_options_reach_the_plan(capsys, small_run, small_plan):
+    options = ["--steps", "7", "--setups", "orthant", "--seeds", "1", "--clock", "touchdown"]
+    released = ["--semantics", "released-code", "--reward-variant", "stay"]
+    _, err, status = run(capsys, "study", small_plan, "--out", small_run.path, *options, *released)
+    assert status == 2
+    for line in ("steps: 1250 → 7", "seeds.count: 2 → 1", "clock: 'free' → 'touchdown'"):
+        assert line in err
+    assert "semantics: 'paper' → 'released-code'" in err
+    assert "behaviour: 'compass-walking' → 'compass-walking-released'" in err
+    assert "reward_variant" not in err
+    assert "setups.orthant.orthant: 'absent' → 0.01" in err
+
+
+def test_a_finished_study_prints_its_table_and_draws_its_figures(capsys, copied_run, small_plan):
+    for arguments in (["study", small_plan, "--out", copied_run], ["table", copied_run]):
+        out, err, status = run(capsys, *arguments)
+        assert (status, err) == (0, "")
+        assert "forward+orthant" in out
+        for name in ("learning_curves", "walking_distance"):
+            for suffix in ("svg", "png"):
+                assert f"{name}.{suffix}" in out
+                (copied_run / f"{name}.{suffix}").unlink()
+
+
+def test_baselines_are_the_papers(capsys):
+    out, _, status = run(capsys, "baseline", "--json")
+    numbers = json.loads(out)
+    assert status == 0
+    assert numbers["hip_x"] == pytest.approx(7.8334, abs=5e-5)
+    assert numbers["touchdowns"] == 13
+    assert numbers["rewards"]["orthant"] == pytest.approx(17.332, abs=5e-4)
+    out, _, _ = run(capsys, "baseline", "--semantics", "released-code")
+    assert "8.2157 m" in out
+    out, _, _ = run(capsys, "baseline", "--controller", "none", "--json")
+    assert json.loads(out)["fell"] is True
+
+
+def test_a_lane_and_a_baseline_can_be_watched(capsys, small_run, tmp_path):
+    lane, best, baseline = tmp_path / "lane.png", tmp_path / "best.gif", tmp_path / "baseline.svg"
+    out, _, status = run(capsys, "watch", small_run.path, "--setup", "sparse", "--seed", "4", "-o", lane)
+    assert (status, out) == (0, f"{lane}: sparse, seed 4, last policy\n")
+    out, _, status = run(capsys, "watch", small_run.path, "--which", "best", "--seconds", "12", "-o", best)
+    assert (status, out) == (0, f"{best}: sparse, seed 3, best policy\n")
+    out, _, status = run(capsys, "watch", "constant-torque", "--seconds", "2", "-o", baseline)
+    assert status == 0
+    assert lane.read_bytes().startswith(b"\x89PNG")
+    assert best.read_bytes().startswith(b"GIF")
+    assert b"<svg" in baseline.read_bytes()
+
+
+def test_what_to_cite_is_bibtex(capsys):
+    out, _, status = run(capsys, "cite")
+    assert status == 0
+    assert out.count("{") == out.count("}")
+    assert out.count("\n@") + 1 == 3
+    assert "Symbolic Behaviour Descriptions" in " ".join(out.split())
