@@ -1,0 +1,1 @@
+"""How fast coachable is, beside what one would use instead. `make bench` prints the table."""

@@ -1,0 +1,1 @@
+"""The programs that are timed by bench/child.py. Each module has `prepare(**sizes) -> (work, units)`."""

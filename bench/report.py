@@ -1,0 +1,131 @@
+"""What the measurements mean: ours beside each opponent, by medians over rounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from bench.child import Measurement
+from bench.table import Row, significant
+
+STEPS_A_RUN = 501_760
+STEPS_AN_UPDATE = 2048
+RUNS_A_STUDY = 60
+
+
+@dataclass(frozen=True)
+class Results:
+    """Measurements by name of the program, one a round."""
+
+    measured: Mapping[str, Sequence[Measurement]]
+
+    def cost(self, name: str) -> tuple[float, float]:
+        """CPU-seconds and wall seconds of one call."""
+        turns = self.measured[name]
+        return median(turn.usual.cpu for turn in turns), median(turn.usual.wall for turn in turns)
+
+    def rate(self, name: str) -> float:
+        """Units per CPU-second."""
+        return median(turn.rate for turn in self.measured[name])
+
+    def minutes(self, name: str, num_steps: int) -> float:
+        """How long so many training steps take on the wall."""
+        return num_steps / median(turn.wall_rate for turn in self.measured[name]) / 60
+
+    def ratio(self, ours: str, theirs: str) -> float:
+        """How many times theirs our rate per CPU-second is, round by round."""
+        rounds = zip(self.measured[ours], self.measured[theirs], strict=True)
+        return median(our_turn.rate / their_turn.rate for our_turn, their_turn in rounds)
+
+    def wall_ratio(self, ours: str, theirs: str) -> float:
+        """The same by the wall clock."""
+        rounds = zip(self.measured[ours], self.measured[theirs], strict=True)
+        return median(our_turn.wall_rate / their_turn.wall_rate for our_turn, their_turn in rounds)
+
+    def faster(self, ours: str, theirs: str) -> str:
+        """Both ratios in words."""
+        cpu, wall = self.ratio(ours, theirs), self.wall_ratio(ours, theirs)
+        return f"{significant(cpu)} × a CPU-s, {significant(wall)} × on the wall"
+
+
+def report(measured: Mapping[str, Sequence[Measurement]]) -> list[Row]:
+    """The rows of the table."""
+    results = Results(measured)
+    return [*_steps(results), *_training(results), *_sbx(results), *_update(results), *_scaling(results)]
+
+
+def _steps(results: Results) -> list[Row]:
+    return [
+        _step_row(results, "environment: coachable, 8 lanes side by side", "steps"),
+        *(
+            _step_row(results, f"… {name}", name, results.faster("steps", name), "≥ 300 ×")
+            for name in _named(results, "SciPy")
+        ),
+    ]
+
+
+def _training(results: Results) -> list[Row]:
+    study = _study(results)
+    minutes = results.minutes(study, STEPS_A_RUN * RUNS_A_STUDY)
+    whole = f"{RUNS_A_STUDY} runs in {minutes:.1f} min"
+    return [
+        _step_row(results, f"training: coachable, {study}", study, whole, "≤ 10 min"),
+        *(
+            _step_row(results, f"… {name}", name, results.faster(study, name), "≥ 130 ×")
+            for name in _named(results, "sb3")
+        ),
+    ]
+
+
+def _sbx(results: Results) -> list[Row]:
+    one, study = _named(results, "lanes")[0], _study(results)
+    minutes = f"a run in {results.minutes('sbx', STEPS_A_RUN):.1f} min; "
+    return [
+        _step_row(results, "… sbx, one run", "sbx", minutes + results.faster(one, "sbx"), "> 1 ×"),
+        _step_row(results, f"… sbx, {RUNS_A_STUDY} runs", "sbx", results.faster(study, "sbx"), "> 1 ×"),
+    ]
+
+
+def _update(results: Results) -> list[Row]:
+    def row(title: str, name: str, comparison: str = "", asked_for: str = "") -> Row:
+        figure = f"{results.rate(name) / 1e9:.1f} GFLOP/CPU-s"
+        return Row(title, figure, *results.cost(name), comparison, asked_for)
+
+    def share(name: str) -> str:
+        return f"{100 * results.ratio('update', name):.0f} % of it"
+
+    return [
+        row("PPO update: coachable", "update"),
+        row("… sgemm 1024³, one thread", "sgemm 1024", share("sgemm 1024"), "≥ 35 %"),
+        row("… sgemm 64³, one thread", "sgemm 64", share("sgemm 64")),
+    ]
+
+
+def _scaling(results: Results) -> list[Row]:
+    rows = []
+    for name in _named(results, "lanes"):
+        milliseconds = 1e3 * STEPS_AN_UPDATE / results.rate(name)
+        # The first round may compile, which takes more memory than the training does.
+        memory = min(turn.megabytes for turn in results.measured[name])
+        figure = f"{milliseconds:.1f} CPU-ms a lane's update"
+        rows.append(Row(f"training: {name}", figure, *results.cost(name), f"{memory:.0f} MB at most"))
+    for name, asked_for in (("compilation, cold", "< 20 s"), ("compilation, cached", "")):
+        cpu, wall = results.cost(name)
+        rows.append(Row(name, f"{wall:.1f} s", cpu, wall, "", asked_for))
+    return rows
+
+
+def _step_row(results: Results, title: str, name: str, comparison: str = "", asked_for: str = "") -> Row:
+    figure = f"{significant(results.rate(name))} steps/CPU-s"
+    return Row(title, figure, *results.cost(name), comparison, asked_for)
+
+
+def _named(results: Results, beginning: str) -> list[str]:
+    return [name for name in results.measured if name.startswith(beginning)]
+
+
+def _study(results: Results) -> str:
+    """Training all lanes of the paper's study, or of what a quick run has instead."""
+    name = f"lanes {RUNS_A_STUDY}"
+    return name if name in results.measured else _named(results, "lanes")[-1]
