@@ -13,7 +13,7 @@ SOURCE = ast.parse(Path(co.__file__).read_text(encoding="utf-8"))
 
 def imported_for_type_checkers():
     return {
-        alias.asname: node.module
+        str(alias.asname): str(node.module)
         for node in ast.walk(SOURCE)
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("coachable.")
         for alias in node.names

@@ -20,7 +20,9 @@ def blocks(language: str) -> list[str]:
 def test_the_python_runs_and_prints_what_its_comment_says(tmp_path):
     (code,) = blocks("python")
     assert len([line for line in code.splitlines() if line.strip()]) <= 12
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     phase, distance, share = done.stdout.splitlines()
     assert phase == "O1"

@@ -98,22 +98,25 @@ def study(
 
 def table(
     run: Annotated[Positional[Path], arg(metavar="RUN", help="A run folder, the --out of a study.")],
+    out: Annotated[Path | None, _option("DIR", "Where to write to.", otherwise="the run folder")] = None,
 ) -> None:
-    """Print a run's table and draw its figures anew.
+    """Print a run's table; write it as Markdown, with its figures as SVG and PNG.
 
     For example:
 
         coachable table runs/paper
+        coachable table runs/paper --out docs/results/paper
     """
     from coachable.analysis.figures import draw_figures
     from coachable.analysis.measurements import measure
-    from coachable.analysis.table import print_table
+    from coachable.analysis.table import print_table, write_markdown
     from coachable.studies.store import load_run
 
     measured = measure(load_run(run))
     print_table(measured)
-    for path in draw_figures(measured, run):
-        print(f"drew {path}")
+    folder = out or run
+    for path in (*draw_figures(measured, folder), write_markdown(measured, folder)):
+        print(f"wrote {path}")
 
 
 def baseline(
@@ -260,7 +263,7 @@ def _overview() -> str:
     }
     return "\n".join(
         [
-            coachable.__doc__.partition("\n")[0],
+            (coachable.__doc__ or "").partition("\n")[0],
             "",
             "  coachable study demo                                        two minutes, to see it work",
             "  coachable study paper --out runs/paper                      the paper's whole study",

@@ -4,6 +4,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from coachable.analysis import intervals, significance
 from coachable.analysis.measurements import Measurements, SetupRuns, measure_tables
 from coachable.rewards.setup import RewardSetup
 from coachable.studies.plan import Study
@@ -14,7 +15,11 @@ PAPER = ("sparse", "forward", "orthant", "forward+orthant")
 def tables(setups=PAPER, *, num_seeds=4, steps=50_000, survival=True, semantics="paper", seed=0):
     """The arguments of `measure_tables`: walkers that learn to walk, the later setups a little better."""
     rng = np.random.default_rng(seed)
-    implied = {} if semantics == "paper" else {"behaviour": "compass-walking-released", "reward_variant": "released"}
+    implied = (
+        {}
+        if semantics == "paper"
+        else {"behaviour": "compass-walking-released", "reward_variant": "released"}
+    )
     plan = Study(
         name="made-up",
         semantics=semantics,
@@ -57,7 +62,9 @@ def measured(**samples):
         noise = {key: rng.normal(8, 0.3, size) for key in ("highest", "final", "seconds_up", "perturbed_up")}
         values = noise | {"passes_at": np.full(size, 100_000)} | given
         checkpoints = np.arange(10_000, 500_001, 10_000)
-        distance = np.where(checkpoints >= np.asarray(values["passes_at"])[:, None], values["highest"][:, None], 0.0)
+        walks = checkpoints >= np.asarray(values["passes_at"])[:, None]
+        walks = checkpoints >= np.asarray(values["passes_at"])[:, None]
+        distance = np.where(walks, values["highest"][:, None], 0.0)
         nothing = np.zeros((size, 1))
         return SetupRuns(
             name=name,
@@ -83,6 +90,13 @@ def measured(**samples):
         baseline_distance=7.0,
         setups=tuple(setup_runs(name.replace("_", "+"), given) for name, given in samples.items()),
     )
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """A tenth of the resamples, for tests that need many or do not look at the last digit."""
+    monkeypatch.setattr(intervals, "RESAMPLES", 999)
+    monkeypatch.setattr(significance, "RESAMPLES", 999)
 
 
 @pytest.fixture(name="tables", scope="session")

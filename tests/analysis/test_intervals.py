@@ -62,7 +62,9 @@ def test_a_difference_is_resampled_within_each_setup():
     assert result.high - result.low == pytest.approx(2 * 1.96 * error, rel=0.1)
 
 
-@pytest.mark.parametrize("sample", [[3.0], [3.0] * 15, [1.0] + [3.0] * 14], ids=["one", "all equal", "one off"])
+@pytest.mark.parametrize(
+    "sample", [[3.0], [3.0] * 15, [1.0] + [3.0] * 14], ids=["one", "all equal", "one off"]
+)
 def test_no_interval_where_the_resamples_say_nothing(sample):
     result = estimate(iqm, np.array(sample))
     assert result.value == 3.0

@@ -40,7 +40,7 @@ class NoisyIntegrator(gymnasium.Env):
 
 @pytest.fixture(scope="module")
 def model():
-    """stable-baselines3's PPO after one rollout, before its first update, and with advantages worth fitting."""
+    """stable-baselines3's PPO after one rollout, before its first update."""
     torch.manual_seed(0)
     model = sb3.PPO("MlpPolicy", NoisyIntegrator(), seed=3, device="cpu")
     _, callback = model._setup_learn(10_000)
@@ -119,7 +119,7 @@ def test_one_whole_update_ends_with_the_same_weights(model, monkeypatch, changes
 
 
 def test_advantages_are_theirs_also_over_truncated_episodes(model):
-    buffer, env = model.rollout_buffer, model.env
+    buffer = model.rollout_buffer
     rewards, values, starts = buffer.rewards[:, 0], buffer.values[:, 0], buffer.episode_starts[:, 0]
     with torch.no_grad():
         last_value = float(model.policy.predict_values(torch.as_tensor(model._last_obs))[0])
@@ -127,7 +127,7 @@ def test_advantages_are_theirs_also_over_truncated_episodes(model):
     ended = np.append(starts[1:], model._last_episode_starts[0]).astype(bool)
     next_values = np.append(values[1:], last_value).astype(np.float32)
     ours = generalised_advantages(*map(jnp.array, (rewards, values, next_values, ended, ended)), 0.99, 0.95)
-    assert ended.sum() > 20 and env.num_envs == 1
+    assert ended.sum() > 20
     np.testing.assert_allclose(ours, buffer.advantages[:, 0], atol=2e-4)
 
 

@@ -1,4 +1,4 @@
-"""A policy survives a round trip through its tensors and description, and says what is wrong with a bad one."""
+"""A policy survives a round trip through its tensors and description; a bad one is refused with a reason."""
 
 import json
 

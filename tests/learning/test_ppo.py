@@ -1,4 +1,4 @@
-"""PPO's bookkeeping on the real task: lanes do not see each other, episodes add up, permutations are permutations."""
+"""PPO on the real task: lanes do not see each other, episodes add up, permutations are permutations."""
 
 from functools import partial
 
@@ -83,7 +83,7 @@ def test_permutations_are_permutations_and_all_differ():
 
 
 def test_permutations_are_uniform():
-    """Every index is as likely in every place: χ² of 20,000 orders of 5, whose 0.999 quantile at 16 d.o.f. is 39.3."""
+    """Every index is as likely in every place: χ² with 16 degrees of freedom, 0.999 quantile 39.3."""
     orders = np.asarray(ppo.random_permutations(jax.random.key(1), 20_000, 5))
     counts = np.stack([np.bincount(column, minlength=5) for column in orders.T])
     assert ((counts - 4000) ** 2 / 4000).sum() < 39.3

@@ -1,7 +1,8 @@
 """Five tiny tasks whose answers are known. PPO solves them before it is let near a gait.
 
-Each isolates one thing that may be broken: the value loss, its dependence on the observation, discounting, the
-policy's gradient, and the coupling of the two. Source: Andy Jones, "Debugging RL, Without the Agonizing Pain" (2021).
+Each isolates one thing that may be broken: the value loss, its dependence on the observation, discounting,
+the policy's gradient, and the coupling of the two. Source: Andy Jones, "Debugging RL, Without the Agonizing
+Pain" (2021).
 """
 
 from functools import partial

@@ -49,8 +49,8 @@ def caption_of_the_figure(before, now, q, e):
 
 
 def released_rule(last, current, num_phases):
-    """`_reward_follow_orthant_sequence` of the released code, where `num_phases` is 4."""
-    return 1 if current == last or current == np.mod(last + 1, num_phases + 1) else -1
+    """Phases numbered from 1, −1 outside; the same number pays, and so does the next one modulo K + 1."""
+    return +1 if current in (last, (last + 1) % (num_phases + 1)) else -1
 
 
 def table_by(rule, behaviour):

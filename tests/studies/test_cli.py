@@ -107,6 +107,7 @@ def test_a_finished_study_prints_its_table_and_draws_its_figures(capsys, copied_
             for suffix in ("svg", "png"):
                 assert f"{name}.{suffix}" in out
                 (copied_run / f"{name}.{suffix}").unlink()
+        assert "| forward+orthant |" in (copied_run / "table.md").read_text(encoding="utf-8")
 
 
 def test_baselines_are_the_papers(capsys):

@@ -153,6 +153,9 @@ def test_a_manifest_of_another_format_or_in_pieces_is_refused(copied_run):
     manifest.write_text(json.dumps(json.loads(text) | {"format_version": 2}))
     with pytest.raises(RunFolderError, match="format_version 2"):
         Run.open(copied_run)
+    manifest.write_text(json.dumps({"format_version": 1}))
+    with pytest.raises(RunFolderError, match=r"manifest\.json is damaged: it lacks 'status'"):
+        Run.open(copied_run)
     manifest.write_text(text[:100])
     with pytest.raises(RunFolderError, match=r"manifest\.json is damaged"):
         Run.open(copied_run)

@@ -5,13 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
-from coachable.analysis.intervals import Estimate, Reduced, Statistic, estimate, mean, std
+from coachable.analysis.intervals import Estimate, Statistic, estimate, mean, std
 from coachable.analysis.measurements import Measurements, SetupRuns
-from coachable.analysis.significance import TwoPs, holm, one_sample, two_sample, two_sample_about_medians
+from coachable.analysis.significance import (
+    TwoPs,
+    difference,
+    holm,
+    one_sample,
+    two_sample,
+    two_sample_about_medians,
+)
 
 LEVEL = 0.05
 """Chance that any claim is decided although nothing is true, or in the wrong direction."""
@@ -127,18 +135,16 @@ def _with_verdict(claim: Claim, p_holm: float) -> Claim:
 
 def _against_others(runs: Measurements, subject: str, relation: str, measure: _Measure) -> list[Comparison]:
     """The subject's runs against those of each other setup that the claims are about."""
-    sign = 1 if relation == ">" else -1
-
-    def advantage(subject_runs: np.ndarray, other_runs: np.ndarray, axis: int) -> Reduced:
-        return sign * (measure.statistic(subject_runs, axis=axis) - measure.statistic(other_runs, axis=axis))
 
     def compare(other: str) -> Comparison:
-        samples = measure.values(runs, runs[subject]), measure.values(runs, runs[other])
-        greater, less = measure.test(measure.statistic, *samples)
-        p_for, p_against = (greater, less) if relation == ">" else (less, greater)
-        claimed = f"{subject} {relation} {other}"
+        of_subject, of_other = measure.values(runs, runs[subject]), measure.values(runs, runs[other])
+        above, below = (of_subject, of_other) if relation == ">" else (of_other, of_subject)
         return Comparison(
-            measure.name, measure.unit, claimed, estimate(advantage, *samples), p_for, p_against
+            measure.name,
+            measure.unit,
+            f"{subject} {relation} {other}",
+            estimate(partial(difference, measure.statistic), above, below),
+            *measure.test(measure.statistic, above, below),
         )
 
     return [compare(other) for other in SETUPS if other != subject]

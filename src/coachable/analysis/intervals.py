@@ -54,17 +54,19 @@ def std(sample: np.ndarray, axis: int = 0) -> Reduced:
     return np.std(sample, axis=axis, ddof=1)
 
 
-def estimate(statistic: Statistic, *samples: Float[np.ndarray, " runs"]) -> Estimate:
+def estimate(statistic: Statistic, *samples: Float[np.ndarray, "_"]) -> Estimate:
     """A statistic of one or two samples with its interval; see `interval`. Of no runs it is NaN."""
     if any(sample.size == 0 for sample in samples):
         return Estimate(math.nan)
-    low, high = interval(statistic, *samples)
+    # Sums depend on their order in the last digit, and the order of the seeds means nothing.
+    samples = tuple(np.sort(sample) for sample in samples)
+    low, high = interval(statistic, *samples, resamples=RESAMPLES)
     return Estimate(float(statistic(*samples, axis=0)), float(low), float(high))
 
 
 def interval(
-    statistic: Statistic, *samples: Float[np.ndarray, "runs *points"], resamples: int = RESAMPLES
-) -> tuple[np.ndarray, np.ndarray]:
+    statistic: Statistic, *samples: Float[np.ndarray, "_ *points"], resamples: int
+) -> tuple[Reduced, Reduced]:
     """The bias-corrected and accelerated bootstrap interval (BCa; Efron, JASA 1987) at 95 %.
 
     Runs are resampled with replacement within each sample, which is what stratifying by setup means. The

@@ -105,4 +105,4 @@ def mean_highest(runs: Measurements, setup: SetupRuns) -> Band:
 
 def _band(steps: np.ndarray, values: Float[np.ndarray, "runs points"]) -> Band:
     low, high = interval(mean, values, resamples=_RESAMPLES_OF_A_BAND)
-    return Band(steps, values.mean(axis=0), low, high)
+    return Band(steps, values.mean(axis=0), np.asarray(low), np.asarray(high))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, RenderableType
 from rich.table import Table
@@ -37,6 +39,13 @@ def print_table(runs: Measurements) -> None:
 def markdown(runs: Measurements) -> str:
     """The table as Markdown."""
     return "\n\n".join([f"# {heading(runs)}", *map(_as_markdown, sections(runs))]) + "\n"
+
+
+def write_markdown(runs: Measurements, folder: Path) -> Path:
+    """Write the table as `table.md` into a folder that is there; returns its path."""
+    path = folder / "table.md"
+    path.write_text(markdown(runs), encoding="utf-8")
+    return path
 
 
 def _rendered(section: Section) -> list[RenderableType]:

@@ -61,9 +61,12 @@ SCHEMAS: Mapping[str, pa.Schema] = MappingProxyType(
         "survival": _columns(_LANE, ("seconds_up", pa.float32(), "s"), ("perturbed_up", pa.float32(), "")),
     }
 )
-"""By table name. `lane` is `setup-seed`, or a baseline's name. Terms are unweighted: in `evaluations` sums
-over the episode, in `trajectories` what the step that began at `t` paid. `phase` counts the behaviour's
-phases from 0; outside all of them is their number."""
+"""By table name.
+
+`lane` is `setup-seed`, or a baseline's name. Terms are unweighted: in `evaluations` sums over the episode,
+in `trajectories` what the step that began at `t` paid. `phase` counts the behaviour's phases from 0; outside
+all of them is their number.
+"""
 
 
 def table_of(name: str, columns: Mapping[str, np.ndarray | list]) -> pa.Table:

@@ -55,8 +55,6 @@ class RunFolder:
             raise RunFolderError(
                 f"{path} is no run folder, but holds {others[0]!r}; name an empty or a new folder with --out"
             )
-        (path / "checkpoints").mkdir(exist_ok=True)
-        (path / "policies").mkdir(exist_ok=True)
         folder = RunFolder(
             path,
             {
@@ -72,6 +70,7 @@ class RunFolder:
                 "files": {},
             },
         )
+        folder.make_folders()
         folder.write("plan.toml", study.to_toml())
         folder.write("behaviour.behaviour", behaviour.to_json())
         folder.write("automaton.svg", automaton_svg(behaviour))
@@ -87,8 +86,6 @@ class RunFolder:
         with.
         """
         path, manifest = run.path, dict(run.manifest)
-        for half_written in path.rglob(".*.part"):
-            half_written.unlink()
         if changed := differences(run.plan, study):
             raise RunFolderError(
                 f"{path} belongs to another plan. Its plan → this one:\n  "
@@ -114,7 +111,10 @@ class RunFolder:
                     + "\nGo on all the same with --allow-different-layout"
                 )
             manifest["resumed_under"] = [*manifest["resumed_under"], now]
+        for half_written in path.rglob(".*.part"):
+            half_written.unlink()
         manifest["status"] = "running"
+        folder.make_folders()
         folder.write_manifest()
         return folder
 
@@ -122,6 +122,11 @@ class RunFolder:
     def group_widths(self) -> tuple[int, ...]:
         """How many lanes each group has."""
         return tuple(self.manifest["device_layout"]["group_widths"])
+
+    def make_folders(self) -> None:
+        """Make the folders inside, where they are missing."""
+        for name in ("checkpoints", "policies"):
+            (self.path / name).mkdir(exist_ok=True)
 
     def checkpoint(self, group: int) -> Path:
         """Where the checkpoint of a group lies."""

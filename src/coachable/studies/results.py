@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from safetensors.numpy import save
 
@@ -61,12 +62,14 @@ def write_policies(folder: RunFolder, study: Study, groups: Sequence[Group]) -> 
     for group in groups:
         for which, networks in group.networks().items():
             for index, lane in enumerate(group.lanes):
-                layers = jax.tree.map(lambda leaf, index=index: leaf[index], networks).policy_layers
+                layers = jax.tree.map(
+                    lambda leaf, index=index: jnp.asarray(leaf[index]), networks
+                ).policy_layers
                 policy = Policy(
                     weights=tuple(weight for weight, _ in layers),
                     biases=tuple(bias for _, bias in layers),
-                    low=np.asarray(ACTION_BOX[0], np.float32),
-                    high=np.asarray(ACTION_BOX[1], np.float32),
+                    low=jnp.asarray(ACTION_BOX[0], jnp.float32),
+                    high=jnp.asarray(ACTION_BOX[1], jnp.float32),
                     observation_names=STATE_NAMES,
                     clock=study.clock,
                 )

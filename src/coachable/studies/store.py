@@ -28,6 +28,17 @@ Which = Literal["last", "best"]
 BASELINE = "virtual-gravity"
 """The lane under which the baseline's trajectory is kept."""
 
+_MANIFEST_KEYS = (
+    "status",
+    "versions",
+    "platform",
+    "device_layout",
+    "resumed_under",
+    "reward_hashes",
+    "baseline",
+    "files",
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Run:
@@ -56,7 +67,9 @@ class Run:
                 f"{path} has format_version {version!r}; this coachable reads {FORMAT_VERSION}. "
                 "Use the version of coachable that wrote it"
             )
-        hashes = manifest.get("files", {})
+        if missing := [key for key in _MANIFEST_KEYS if key not in manifest]:
+            raise RunFolderError(f"{path / 'manifest.json'} is damaged: it lacks {missing[0]!r}")
+        hashes = manifest["files"]
         plan_text = _text(path / "plan.toml", hashes.get("plan.toml"))
         behaviour_text = _text(path / "behaviour.behaviour", hashes.get("behaviour.behaviour"))
         try:
@@ -71,7 +84,7 @@ class Run:
     @property
     def status(self) -> str:
         """`running`, `interrupted` or `complete`. A run whose process was killed still says `running`."""
-        return self.manifest.get("status", "running")
+        return self.manifest["status"]
 
     @property
     def lanes(self) -> tuple[Lane, ...]:
@@ -80,9 +93,10 @@ class Run:
 
     @property
     def baseline(self) -> Mapping[str, Any]:
-        """The virtual gravity controller's episode: `hip_x`, `foot_x` [m], `returns` by setup, and the rest
-        of what
-        `coachable baseline` prints."""
+        """The virtual gravity controller's episode under the study's rewards.
+
+        `hip_x`, `foot_x` [m], `length`, `fell`, `share_in_cycle`, `terms` (sums by name), `returns` by setup.
+        """
         return self.manifest["baseline"]
 
     def table(self, name: str) -> pa.Table:
@@ -137,7 +151,7 @@ class Run:
         return _columns(rows.drop_columns(["lane", "which"]))
 
     def _hash(self, path: Path) -> str | None:
-        return self.manifest.get("files", {}).get(path.relative_to(self.path).as_posix())
+        return self.manifest["files"].get(path.relative_to(self.path).as_posix())
 
     def _read(self, path: Path) -> bytes:
         if not path.exists() and self.status != "complete":
