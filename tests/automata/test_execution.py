@@ -93,6 +93,10 @@ class Ball(HybridSystem):
     restitution: float = 0.8
     lift: float = 0.0
 
+    @property
+    def can_bounce(self):
+        return True
+
     def flow(self, x, control):
         return jnp.stack([x[1], control[0] - 9.81])
 

@@ -1,6 +1,7 @@
 """The walking task pays and ends as both semantics say, line by line, and across episodes."""
 
 import inspect
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -321,3 +322,16 @@ def test_another_walker_walks_differently():
 def test_the_paper_default_is_the_shipped_behaviour():
     classifier = make_task(SETUP).phase_reward.classifier
     assert classifier.outside == len(load_behaviour("compass-walking").phases)
+
+
+def test_legs_that_fall_backward_together_fall_as_in_the_released_code():
+    """Without torque the released code's episodes last 181 steps, and their legs pass each other often."""
+    task = make_task(PAPER_SETUPS["sparse"], RELEASED)
+
+    def step(state, _):
+        state, timestep = task.step(state, jnp.zeros(2))
+        fresh = task.reset(state)
+        return jax.tree.map(partial(jnp.where, timestep.terminated), fresh, state), timestep.terminated
+
+    _, ended = jax.jit(lambda: jax.lax.scan(step, task.init(), length=400))()
+    np.testing.assert_array_equal(np.flatnonzero(ended) + 1, [181, 362])

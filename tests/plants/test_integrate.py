@@ -87,6 +87,10 @@ class RimlessWheel(HybridSystem):
     half_angle: float = eqx.field(static=True, default=0.3)
     slope: float = eqx.field(static=True, default=0.08)
 
+    @property
+    def can_bounce(self):
+        return True
+
     def flow(self, x, control):
         return jnp.stack([x[1], 9.81 * jnp.sin(x[0])])
 
@@ -154,6 +158,10 @@ class TestRimlessWheel:
 
 class Ball(HybridSystem):
     """Bounces on the ground and loses half its speed each time. State: height and velocity."""
+
+    @property
+    def can_bounce(self):
+        return True
 
     def flow(self, x, control):
         return jnp.stack([x[1], jnp.full_like(x[0], -9.81) + control[0]])
@@ -329,6 +337,10 @@ class ClosedLoop(HybridSystem):
 
     plant: CompassWalker
     controller: VirtualGravity
+
+    @property
+    def can_bounce(self):
+        return True
 
     def flow(self, x, control):
         return self.plant.flow(x, self.controller(x))

@@ -154,6 +154,16 @@ class CompassWalker(HybridSystem):
         theta_1, theta_2, _, _ = x
         return (theta_2 > theta_1) | self.backward_passing_counts
 
+    @property
+    def can_bounce(self) -> bool:
+        """Whether a touchdown may follow right after an impact.
+
+        Not where `backward_passing_counts`: the released code's guard stands at −1 until the swing leg leads
+        again, so that a passing is seen only from a step that begins with the swing leg in front. Legs that
+        fall backward together would otherwise pass each other ever faster.
+        """
+        return not self.backward_passing_counts
+
     def impact(self, x: Float[Array, "4"]) -> Float[Array, "4"]:
         """Return the state right after touchdown: the legs swap roles, T⁺ θ̇⁺ = T⁻ θ̇⁻.
 

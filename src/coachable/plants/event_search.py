@@ -107,7 +107,7 @@ def integrate_through_events(
         guard_end, margin_end = plant.guard(x_end), plant.fall_margin(x_end)
         # A guard that is zero, as after an impact, can only fall through zero again if it rises first.
         guard = jnp.where(now.on_guard, 0, guard)
-        armed = (guard > 0) | (now.on_guard & (guard_slope > 0))
+        armed = (guard > 0) | (now.on_guard & (guard_slope > 0) & plant.can_bounce)
         armed &= plant.can_touch_down(x_end) | plant.can_touch_down(now.x)
         comes_down, falls = armed & (guard_end <= 0), margin_end <= 0
         touchdown_at = _falling_root(guard, h * guard_slope, guard_end)

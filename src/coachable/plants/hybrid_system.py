@@ -26,6 +26,11 @@ class HybridSystem(eqx.Module):
     def can_touch_down(self, x: Float[Array, " state"]) -> Bool[Array, ""]:
         """Return whether a falling zero of the guard at x is a touchdown at all."""
 
+    @property
+    @abc.abstractmethod
+    def can_bounce(self) -> bool:
+        """Whether a guard that an impact left at zero may rise and fall through zero again at once."""
+
     @abc.abstractmethod
     def impact(self, x: Float[Array, " state"]) -> Float[Array, " state"]:
         """Return the state right after a touchdown at x."""
