@@ -54,7 +54,7 @@ def _table(rows, names):
 
 
 def measured(**samples):
-    """Measurements in which each setup's Highest(run), final distance and the rest are given; others are noise."""
+    """Measurements whose Highest(run), final distances and the rest are given; what is not given is noise."""
     rng = np.random.default_rng(1)
     size = len(next(iter(samples.values()))["highest"])
 
@@ -62,7 +62,6 @@ def measured(**samples):
         noise = {key: rng.normal(8, 0.3, size) for key in ("highest", "final", "seconds_up", "perturbed_up")}
         values = noise | {"passes_at": np.full(size, 100_000)} | given
         checkpoints = np.arange(10_000, 500_001, 10_000)
-        walks = checkpoints >= np.asarray(values["passes_at"])[:, None]
         walks = checkpoints >= np.asarray(values["passes_at"])[:, None]
         distance = np.where(walks, values["highest"][:, None], 0.0)
         nothing = np.zeros((size, 1))

@@ -34,7 +34,7 @@ class Pen:
         self._draw.ellipse([x - r, y - r, x + r, y + r], fill=colour)
 
     def box(
-        self, left: float, top: float, right: float, bottom: float, colour: str, *, corner: float = 0
+        self, left: float, top: float, right: float, bottom: float, colour: str, *, corner: float = 0.0
     ) -> None:
         """A filled rectangle with rounded corners. One that is thinner than a pixel still shows."""
         corners = [FINER * left, FINER * top, max(FINER * left, FINER * right - 1), FINER * bottom - 1]

@@ -21,7 +21,7 @@ _LEG = 196
 """Length of a leg [pixels]."""
 _GROUND = 284
 """Of the ground line, from the top [pixels]."""
-_STRIP_LEFT, _STRIP_TOP, _STRIP_RIGHT, _STRIP_BOTTOM = 24, 326, 616, 338
+_STRIP_LEFT, _STRIP_TOP, _STRIP_RIGHT, _STRIP_BOTTOM = 24.0, 326.0, 616.0, 338.0
 """The phases over time."""
 _CAMERA_SECONDS = 0.35
 """Over which the camera's motion is smoothed."""

@@ -93,7 +93,7 @@ def _poses(walk: Walk) -> list[int]:
     return [walk.at(time) for time in times[::-1]]
 
 
-def _draw_pose(axes: Axes, walk: Walk, sample: int, strength: float, level: float) -> None:
+def _draw_pose(axes: Axes, walk: Walk, sample: int, strength: float, level: int) -> None:
     p, hip = walk.parameters, walk.hip[sample]
     stance, swing = _faded(STANCE, strength), _faded(SWING, strength)
     first_stands = bool(walk.first_leg_stands[sample])
@@ -109,7 +109,7 @@ def _draw_pose(axes: Axes, walk: Walk, sample: int, strength: float, level: floa
 
 
 def _draw_mass(
-    axes: Axes, at: Float[np.ndarray, "2"], diameter: float, edge: Colour, face: Colour, level: float
+    axes: Axes, at: Float[np.ndarray, "2"], diameter: float, edge: Colour, face: Colour, level: int
 ) -> None:
     axes.plot(
         *at, "o", markersize=diameter, color=edge, markerfacecolor=face, markeredgewidth=1.1, zorder=level

@@ -1,0 +1,111 @@
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from coachable.errors import CoachableError, MissingExtraError
+from coachable.plants.compass import CompassParameters
+from coachable.style import STANCE, SWING, phase_colours
+from coachable.viewing.animation import animate
+from coachable.viewing.scene import SIZE, Scene
+from coachable.viewing.walk import Walk
+
+
+@pytest.fixture(scope="module")
+def gif(until, phases, tmp_path_factory):
+    path = tmp_path_factory.mktemp("film") / "gait.gif"
+    animate(until(2.0), path, phases)
+    return path
+
+
+def frames_of(path):
+    with Image.open(path) as film:
+        for index in range(film.n_frames):
+            film.seek(index)
+            yield film.info["duration"], np.asarray(film.convert("RGB")).astype(int)
+
+
+def test_a_gif_has_twenty_five_frames_a_second_and_each_is_another(gif):
+    frames = list(frames_of(gif))
+    assert len(frames) == 2 * 25
+    assert {duration for duration, _ in frames[:-1]} == {40}
+    assert frames[-1][0] == 1000
+    for (_, one), (_, other) in zip(frames, frames[1:], strict=False):
+        assert np.any(one != other)
+
+
+def test_a_gif_is_small_and_its_page_white(gif):
+    assert gif.stat().st_size < 2 * 200_000  # five seconds must stay below a megabyte
+    for _, frame in frames_of(gif):
+        assert frame.shape == (SIZE[1], SIZE[0], 3)
+        assert frame[100, 5].tolist() == [255, 255, 255]
+
+
+def rgb(colour):
+    return tuple(int(colour[i : i + 2], 16) for i in (1, 3, 5))
+
+
+def test_the_chip_has_the_colour_of_the_phase(columns, phases):
+    walk = Walk.of(columns)
+    scene, colours = Scene.of(walk, phases), phase_colours(len(phases))
+    seen = set()
+    for time in np.arange(0.5, 3.0, 0.13):
+        phase = int(walk.phase[walk.at(time)])
+        assert scene.frame(float(time)).getpixel((30, 33)) == rgb(colours[phase])
+        seen.add(phase)
+    after_touchdown = walk.time[np.flatnonzero(walk.touched_down)[2]]
+    assert scene.frame(float(after_touchdown)).getpixel((30, 33)) == rgb(colours[-1])
+    assert seen >= {0, 1, 2, 3}
+
+
+def test_legs_are_where_the_walk_has_them_and_hidden_below_the_ground(columns, phases):
+    walk = Walk.of(columns)
+    scene = Scene.of(walk, phases)
+    for time in (1.0, 2.3, 4.1):
+        sample, pixels = walk.at(time), scene.frame(time).load()
+        for foot, mass, colour in (
+            (walk.stance_foot, walk.stance_mass, STANCE),
+            (walk.swing_foot, walk.swing_mass, SWING),
+        ):
+            middle = 0.75 * walk.hip[sample] + 0.25 * foot[sample]
+            x, y = scene._place(middle, sample)
+            assert pixels[round(x), round(y)] == rgb(colour)
+            assert np.allclose(mass[sample], 0.5 * walk.hip[sample] + 0.5 * foot[sample])
+        below = np.array(scene.frame(time))[300:320].reshape(-1, 3)
+        assert not any((below == rgb(colour)).all(axis=1).any() for colour in (STANCE, SWING))
+
+
+def test_the_camera_keeps_the_walker_in_the_picture(columns, phases):
+    walk = Walk.of(columns)
+    scene = Scene.of(walk, phases)
+    x = np.array([scene._place(walk.hip[sample], sample)[0] for sample in range(len(walk.time))])
+    assert np.all(np.abs(x - SIZE[0] / 2) < 50)
+    assert np.all(np.diff(scene.camera) > 0)
+
+
+def test_an_mp4_has_fifty_frames_a_second(until, phases, tmp_path):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="mp4 needs the [video] extra")
+    path = tmp_path / "gait.mp4"
+    animate(until(1.0), path, phases)
+    frames, seconds = ffmpeg.count_frames_and_secs(str(path))
+    assert frames == 50
+    assert seconds == pytest.approx(1.0, abs=0.02)
+
+
+def test_without_the_extra_an_mp4_says_how_to_get_it(until, phases, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'coachable\[video\]'"):
+        animate(until(0.1), tmp_path / "gait.mp4", phases)
+
+
+def test_another_suffix_is_refused(until, phases, tmp_path):
+    with pytest.raises(CoachableError, match=r"\.gif or \.mp4"):
+        animate(until(0.1), tmp_path / "gait.webm", phases)
+
+
+def test_a_single_sample_and_long_legs_are_filmed(until, phases, tmp_path):
+    animate(until(0.0), tmp_path / "moment.gif", phases)
+    assert len(list(frames_of(tmp_path / "moment.gif"))) == 1
+    animate(until(0.2), tmp_path / "long.gif", phases, CompassParameters(a=2.0, hip_mass=0.1))
+    assert len(list(frames_of(tmp_path / "long.gif"))) == 5

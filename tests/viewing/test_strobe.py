@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from matplotlib.patches import Rectangle
+from PIL import Image
+
+from coachable.plants.compass import CompassParameters
+from coachable.style import INK, PAGE, STANCE, SWING, phase_colours
+from coachable.viewing.strobe import strobe, write_strobe
+from coachable.viewing.walk import Walk, runs_of
+
+
+def legs(figure):
+    """Lines from a foot to the hip, oldest first."""
+    return [line for line in figure.axes[0].lines if line.get_linewidth() == 2.2]
+
+
+def strip(figure):
+    """The coloured rectangles beneath, without the page that covers what is below the ground."""
+    patches = [patch for patch in figure.axes[0].patches if isinstance(patch, Rectangle)]
+    return [patch for patch in patches if to_hex(patch.get_facecolor()) != PAGE]
+
+
+def test_a_pose_every_tenth_of_a_second_of_the_last_strides(columns, phases):
+    walk = Walk.of(columns)
+    start = walk.time[np.flatnonzero(walk.touched_down)[-4]]
+    figure = strobe(columns, phases, strides=3)
+    assert len(legs(figure)) == 2 * (int((walk.time[-1] - start + 1e-6) / 0.1) + 1)
+    everything = strobe(columns, phases, strides=99)
+    assert len(legs(everything)) == 2 * 101
+
+
+def test_the_last_pose_is_the_end_of_the_walk_in_full_colour(columns, phases):
+    walk = Walk.of(columns)
+    swing, stance = legs(strobe(columns, phases))[-2:]
+    np.testing.assert_allclose(swing.get_xydata(), [walk.swing_foot[-1], walk.hip[-1]])
+    np.testing.assert_allclose(stance.get_xydata(), [walk.stance_foot[-1], walk.hip[-1]])
+    assert (to_hex(swing.get_color()), to_hex(stance.get_color())) == (SWING, STANCE)
+
+
+def test_older_poses_are_fainter_and_behind(columns, phases):
+    stance = legs(strobe(columns, phases))[1::2]
+    brightness = [sum(line.get_color()) for line in stance]
+    assert brightness == sorted(brightness, reverse=True)
+    levels = [line.get_zorder() for line in stance]
+    assert levels == sorted(levels)
+
+
+def test_the_strip_tells_the_phases_over_time(columns, phases):
+    walk = Walk.of(columns)
+    walk = walk.part(int(np.flatnonzero(walk.touched_down)[-3]), len(walk.time))
+    figure = strobe(columns, phases, strides=2)
+    colours = phase_colours(len(phases))
+    stretches = runs_of(walk.phase)
+    assert [to_hex(patch.get_facecolor()) for patch in strip(figure)] == [
+        colours[phase] for phase, _, _ in stretches
+    ]
+    widths = np.array([patch.get_width() for patch in strip(figure)])
+    seconds = np.array(
+        [walk.time[min(stop, len(walk.time) - 1)] - walk.time[start] for _, start, stop in stretches]
+    )
+    np.testing.assert_allclose(widths / widths.sum(), seconds / seconds.sum(), atol=1e-9)
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert {"O1", "O2", "O3", "O4"} < set(texts)
+    left = strip(figure)[0].get_x()
+    lines = [
+        line.get_xdata()[0]
+        for line in figure.axes[0].lines
+        if line.get_linewidth() == 0.8 and line.get_color() == INK
+    ]
+    touchdowns = walk.time[walk.touched_down] - walk.time[0]
+    np.testing.assert_allclose(np.array(lines), left + widths.sum() * touchdowns / walk.seconds)
+
+
+def test_metres_are_square_and_the_whole_walker_is_in_the_picture(columns, phases):
+    figure = strobe(columns, phases)
+    (axes,) = figure.axes
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    assert (right - left) / (top - bottom) == pytest.approx(np.divide(*figure.get_size_inches()))
+    drawn = np.concatenate([line.get_xydata() for line in legs(figure)])
+    assert left < drawn[:, 0].min() < drawn[:, 0].max() < right
+    assert drawn[:, 1].max() < top
+
+
+def test_files_are_the_same_bytes_each_time(columns, phases, tmp_path):
+    for name in ("gait.svg", "gait.png"):
+        first, second = tmp_path / name, tmp_path / f"again-{name}"
+        write_strobe(columns, first, phases)
+        write_strobe(columns, second, phases)
+        assert first.read_bytes() == second.read_bytes()
+    with Image.open(tmp_path / "gait.png") as picture:
+        assert picture.width == pytest.approx(7.16 * 200, abs=1)
+
+
+def test_short_walks_and_long_legs_are_drawn(until, phases, tmp_path):
+    for seconds, parameters in (
+        (0.0, CompassParameters()),
+        (0.03, CompassParameters()),
+        (3.0, CompassParameters(b=2.5)),
+    ):
+        write_strobe(until(seconds), tmp_path / "gait.png", phases, parameters)
