@@ -91,11 +91,13 @@ def measured(**samples):
     )
 
 
-@pytest.fixture
-def quick(monkeypatch):
+@pytest.fixture(scope="module")
+def quick():
     """A tenth of the resamples, for tests that need many or do not look at the last digit."""
-    monkeypatch.setattr(intervals, "RESAMPLES", 999)
-    monkeypatch.setattr(significance, "RESAMPLES", 999)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(intervals, "RESAMPLES", 999)
+        patch.setattr(significance, "RESAMPLES", 999)
+        yield
 
 
 @pytest.fixture(name="tables", scope="session")

@@ -48,7 +48,7 @@ def lines_of(runs, width=100):
 
 
 @pytest.fixture(scope="module")
-def said(small_study):
+def said(small_study, quick):
     return sections(small_study)
 
 

@@ -1,4 +1,5 @@
 import sys
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ def test_a_gif_has_twenty_five_frames_a_second_and_each_is_another(gif):
     assert len(frames) == 2 * 25
     assert {duration for duration, _ in frames[:-1]} == {40}
     assert frames[-1][0] == 1000
-    for (_, one), (_, other) in zip(frames, frames[1:], strict=False):
+    for (_, one), (_, other) in pairwise(frames):
         assert np.any(one != other)
 
 

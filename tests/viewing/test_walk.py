@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -89,4 +91,4 @@ def test_a_part_is_those_samples(columns):
 def test_stretches_make_up_the_sequence(values):
     stretches = runs_of(np.array(values))
     assert [value for value, start, stop in stretches for _ in range(start, stop)] == values
-    assert all(one[0] != other[0] for one, other in zip(stretches, stretches[1:], strict=False))
+    assert all(one[0] != other[0] for one, other in pairwise(stretches))

@@ -11,8 +11,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 FINER = 3
 
-Pixel = tuple[float, float]
-"""(x, y) from the top left, in pixels of the finished picture."""
+Pixels = float | int
+"""A length in the finished picture."""
+
+Point = tuple[Pixels, Pixels]
+"""(x, y) from the top left of the finished picture [pixels]."""
 
 
 class Pen:
@@ -21,27 +24,27 @@ class Pen:
     def __init__(self, image: Image.Image):
         self._draw = ImageDraw.Draw(image)
 
-    def line(self, points: Sequence[Pixel], width: float, colour: str) -> None:
+    def line(self, points: Sequence[Point], width: Pixels, colour: str) -> None:
         """A line through the points with round joints and ends."""
         fine = [(FINER * x, FINER * y) for x, y in points]
         self._draw.line(fine, fill=colour, width=round(FINER * width), joint="curve")
         for end in (points[0], points[-1]):
             self.disc(end, width / 2, colour)
 
-    def disc(self, centre: Pixel, radius: float, colour: str) -> None:
+    def disc(self, centre: Point, radius: Pixels, colour: str) -> None:
         """A filled circle."""
         x, y, r = FINER * centre[0], FINER * centre[1], FINER * radius
         self._draw.ellipse([x - r, y - r, x + r, y + r], fill=colour)
 
     def box(
-        self, left: float, top: float, right: float, bottom: float, colour: str, *, corner: float = 0.0
+        self, left: Pixels, top: Pixels, right: Pixels, bottom: Pixels, colour: str, *, corner: Pixels = 0.0
     ) -> None:
         """A filled rectangle with rounded corners. One that is thinner than a pixel still shows."""
         corners = [FINER * left, FINER * top, max(FINER * left, FINER * right - 1), FINER * bottom - 1]
         self._draw.rounded_rectangle(corners, FINER * corner, fill=colour)
 
     def text(
-        self, at: Pixel, text: str, size: float, colour: str, anchor: str, *, bold: bool = False
+        self, at: Point, text: str, size: Pixels, colour: str, anchor: str, *, bold: bool = False
     ) -> float:
         """Text at a point, `anchor` as in Pillow; returns its width."""
         font = _font(round(FINER * size), bold)

@@ -11,7 +11,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter1d
 
 from coachable.style import FAINT, HAIRLINE, INK, PAGE, STANCE, SWING, phase_colours
-from coachable.viewing.pen import FINER, Pen, Pixel
+from coachable.viewing.pen import FINER, Pen, Point
 from coachable.viewing.walk import NamedPhase, Walk, runs_of
 
 SIZE = WIDTH, HEIGHT = 640, 360
@@ -60,7 +60,7 @@ class Scene:
         self._draw_words(pen, sample)
         return image.reduce(FINER)
 
-    def _place(self, point: Float[np.ndarray, "2"], sample: int) -> Pixel:
+    def _place(self, point: Float[np.ndarray, "2"], sample: int) -> Point:
         """Where a point of the walk is in the picture."""
         scale = _LEG / self.walk.parameters.leg_length
         x, y = point
