@@ -104,5 +104,5 @@ def test_ctrl_c_lets_the_turns_under_way_end_and_is_raised():
 
 def test_the_watcher_sees_the_end():
     jobs, seen = jobs_of(3), []
-    take_turns(jobs, 1, lambda: seen.append(jobs[0].turns), every=10)
+    take_turns(jobs, 1, lambda: seen.append(jobs[0].turns), every=10.0)
     assert seen[-1] == 3

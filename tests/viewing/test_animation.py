@@ -94,6 +94,12 @@ def test_an_mp4_has_fifty_frames_a_second(until, phases, tmp_path):
     assert seconds == pytest.approx(1.0, abs=0.02)
 
 
+def test_a_place_that_cannot_be_written_to_is_named(until, phases, tmp_path):
+    pytest.importorskip("imageio_ffmpeg", reason="mp4 needs the [video] extra")
+    with pytest.raises(CoachableError, match="nowhere"):
+        animate(until(0.1), tmp_path / "nowhere" / "gait.mp4", phases)
+
+
 def test_without_the_extra_an_mp4_says_how_to_get_it(until, phases, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'coachable\[video\]'"):

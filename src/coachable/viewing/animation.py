@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import contextlib
+import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,7 @@ from PIL import Image
 
 from coachable.errors import CoachableError, MissingExtraError
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
-from coachable.viewing.scene import SIZE, Scene
+from coachable.viewing.scene import HEIGHT, WIDTH, Scene
 from coachable.viewing.walk import NamedPhase, Walk
 
 GIF_FPS = 25
@@ -27,8 +29,7 @@ def animate(
     phases: Sequence[NamedPhase],
     parameters: CompassParameters = PAPER_PARAMETERS,
 ) -> None:
-    """Write a walk as a film of 640 × 360 pixels in real time: the walker, its phase, the time and the
-    distance.
+    """Write a walk as a film of 640 × 360 pixels in real time: the walker, its phase, the time, the distance.
 
     The stance leg is blue and the swing leg orange; the leg masses are filled on one leg and hollow on the
     other. The strip at the bottom tells the phases over the whole time.
@@ -42,30 +43,24 @@ def animate(
     if path.suffix not in writers:
         raise CoachableError(f"{path.name}: a film ends in {' or '.join(writers)}")
     write, fps = writers[path.suffix]
-    write(path, _frames(Walk.of(trajectory, parameters), phases, fps), fps)
-
-
-def _frames(walk: Walk, phases: Sequence[NamedPhase], fps: int) -> Iterator[Image.Image]:
-    scene = Scene.of(walk, phases)
+    walk = Walk.of(trajectory, parameters)
     num_frames = max(1, round(walk.seconds * fps))
-    return (scene.frame(walk.time[0] + k / fps) for k in range(1, num_frames + 1))
+    write(path, Scene.of(walk, phases), [walk.time[0] + k / fps for k in range(1, num_frames + 1)])
 
 
-def _write_gif(path: Path, frames: Iterator[Image.Image], fps: int) -> None:
-    frames_seen = list(frames)
-    palette = _palette(frames_seen)
-    first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames_seen)
-    durations = [1_000 // fps] * len(others) + [_LAST_FRAME]
-    first.save(path, save_all=True, append_images=others, duration=durations, loop=0, optimize=False)
+def _write_gif(path: Path, scene: Scene, times: Sequence[float]) -> None:
+    palette = _palette(scene, times)
+    frames = (scene.frame(time).quantize(palette=palette, dither=Image.Dither.NONE) for time in times)
+    durations = [1_000 // GIF_FPS] * (len(times) - 1) + [_LAST_FRAME]
+    next(frames).save(path, save_all=True, append_images=frames, duration=durations, loop=0, optimize=False)
 
 
-def _palette(frames: Sequence[Image.Image]) -> Image.Image:
+def _palette(scene: Scene, times: Sequence[float]) -> Image.Image:
     """One palette for all frames, taken from some of them: one for each would flicker."""
-    some = [frames[int(index)] for index in np.linspace(0, len(frames) - 1, 12)]
-    width, height = SIZE
-    sheet = Image.new("RGB", (width, height * len(some)))
-    for row, frame in enumerate(some):
-        sheet.paste(frame, (0, height * row))
+    some = [times[int(index)] for index in np.linspace(0, len(times) - 1, 12)]
+    sheet = Image.new("RGB", (WIDTH, HEIGHT * len(some)))
+    for row, time in enumerate(some):
+        sheet.paste(scene.frame(time), (0, HEIGHT * row))
     palette = sheet.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
     colours = np.array(palette.getpalette()).reshape(-1, 3)
     colours[colours.min(axis=1) > 240] = 255  # or else Pillow takes one that is nearly white for the page
@@ -73,15 +68,20 @@ def _palette(frames: Sequence[Image.Image]) -> Image.Image:
     return palette
 
 
-def _write_mp4(path: Path, frames: Iterator[Image.Image], fps: int) -> None:
+def _write_mp4(path: Path, scene: Scene, times: Sequence[float]) -> None:
     try:
         import imageio_ffmpeg
     except ImportError:
         raise MissingExtraError("an mp4", "video") from None
-    film = imageio_ffmpeg.write_frames(str(path), SIZE, fps=fps, quality=8, macro_block_size=2)
-    film.send(None)
-    try:
-        for frame in frames:
-            film.send(frame.tobytes())
-    finally:
-        film.close()
+    raw_frames = f"-f rawvideo -pix_fmt rgb24 -s {WIDTH}x{HEIGHT} -r {MP4_FPS} -i -"
+    options = f"-y -loglevel error {raw_frames} -vcodec libx264 -pix_fmt yuv420p -crf 18"
+    # ffmpeg is run directly: imageio_ffmpeg would fork, which a process that runs JAX must not.
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), *options.split(), str(path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as ffmpeg:
+        assert ffmpeg.stdin is not None
+        with contextlib.suppress(BrokenPipeError):  # it has ended early, and says why
+            for time in times:
+                ffmpeg.stdin.write(scene.frame(time).tobytes())
+        _, complaint = ffmpeg.communicate()
+    if ffmpeg.returncode:
+        raise CoachableError(f"{path} could not be written: {complaint.decode(errors='replace').strip()}")
