@@ -24,11 +24,11 @@ import os, signal, sys
 from coachable import cli
 from coachable.studies import group, survival
 
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs inherit that it is ignored
 name, times, seconds_between_checkpoints, *arguments = sys.argv[1:]
 group.SECONDS_BETWEEN_CHECKPOINTS = float(seconds_between_checkpoints)
 survival.NUM_STARTS = 20
 left = int(times)
+signal.signal(signal.SIGINT, signal.default_int_handler)
 really_replace = os.replace
 
 def replace(source, target):
@@ -53,8 +53,7 @@ def study(small_plan, cache_folder):
     started = []
 
     def study(out, name="no such file", times=1, seconds_between_checkpoints=0.0):
-        arguments = (signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs inherit that it is ignored
-name, times, seconds_between_checkpoints, "study", small_plan, "--out", out)
+        arguments = (name, times, seconds_between_checkpoints, "study", small_plan, "--out", out)
         command = [sys.executable, "-c", COMMAND_LINE_THAT_KILLS_ITSELF, *map(str, arguments)]
         environment = os.environ | {"XDG_CACHE_HOME": str(cache_folder)}
         started.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment))
