@@ -7,7 +7,7 @@ import pytest
 from coachable.analysis import intervals, significance
 from coachable.analysis.measurements import Measurements, SetupRuns, measure_tables
 from coachable.rewards.setup import RewardSetup
-from coachable.studies.plan import Study
+from coachable.studies.plan import Study, with_options
 
 PAPER = ("sparse", "forward", "orthant", "forward+orthant")
 
@@ -15,18 +15,9 @@ PAPER = ("sparse", "forward", "orthant", "forward+orthant")
 def tables(setups=PAPER, *, num_seeds=4, steps=50_000, survival=True, semantics="paper", seed=0):
     """The arguments of `measure_tables`: walkers that learn to walk, the later setups a little better."""
     rng = np.random.default_rng(seed)
-    implied = (
-        {}
-        if semantics == "paper"
-        else {"behaviour": "compass-walking-released", "reward_variant": "released"}
-    )
-    plan = Study(
-        name="made-up",
-        semantics=semantics,
-        steps=steps,
-        num_seeds=num_seeds,
-        setups=tuple(RewardSetup(name=name) for name in setups),
-        **implied,
+    names = tuple(RewardSetup(name=name) for name in setups)
+    plan = with_options(
+        Study(name="made-up", steps=steps, num_seeds=num_seeds, setups=names), semantics=semantics
     )
     baseline = {"hip_x": 7.8, "foot_x": 7.6, "returns": {name: 8.0 + 2 * k for k, name in enumerate(setups)}}
     steps_of_evaluations = [*range(10_000, steps + 1, 10_000), 2048 * plan.num_updates]

@@ -79,7 +79,7 @@ def test_no_runs_no_number():
 
 def test_an_undefined_acceleration_leaves_the_percentile_interval():
     sample = np.array([1.0] * 3 + [3.0] * 12)
-    assert {iqm(np.delete(sample, i)) for i in range(15)} == {3.0}
+    assert [iqm(np.delete(sample, i)) for i in range(15)] == [3.0] * 15
     result = estimate(iqm, sample)
     assert 1.0 <= result.low < 3.0
     assert result.high == 3.0

@@ -3,7 +3,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from coachable.errors import CoachableError, MissingExtraError
 from coachable.plants.compass import CompassParameters
@@ -22,9 +22,8 @@ def gif(until, phases, tmp_path_factory):
 
 def frames_of(path):
     with Image.open(path) as film:
-        for index in range(film.n_frames):
-            film.seek(index)
-            yield film.info["duration"], np.asarray(film.convert("RGB")).astype(int)
+        for frame in ImageSequence.Iterator(film):
+            yield frame.info["duration"], np.asarray(frame.convert("RGB")).astype(int)
 
 
 def test_a_gif_has_twenty_five_frames_a_second_and_each_is_another(gif):
@@ -64,14 +63,14 @@ def test_legs_are_where_the_walk_has_them_and_hidden_below_the_ground(columns, p
     walk = Walk.of(columns)
     scene = Scene.of(walk, phases)
     for time in (1.0, 2.3, 4.1):
-        sample, pixels = walk.at(time), scene.frame(time).load()
+        sample, pixels = walk.at(time), np.asarray(scene.frame(time))
         for foot, mass, colour in (
             (walk.stance_foot, walk.stance_mass, STANCE),
             (walk.swing_foot, walk.swing_mass, SWING),
         ):
             middle = 0.75 * walk.hip[sample] + 0.25 * foot[sample]
             x, y = scene._place(middle, sample)
-            assert pixels[round(x), round(y)] == rgb(colour)
+            assert tuple(pixels[round(y), round(x)]) == rgb(colour)
             assert np.allclose(mass[sample], 0.5 * walk.hip[sample] + 0.5 * foot[sample])
         below = np.array(scene.frame(time))[300:320].reshape(-1, 3)
         assert not any((below == rgb(colour)).all(axis=1).any() for colour in (STANCE, SWING))

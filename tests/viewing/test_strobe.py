@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.patches import Rectangle
 from PIL import Image
 
@@ -33,14 +33,14 @@ def test_a_pose_every_tenth_of_a_second_of_the_last_strides(columns, phases):
 def test_the_last_pose_is_the_end_of_the_walk_in_full_colour(columns, phases):
     walk = Walk.of(columns)
     swing, stance = legs(strobe(columns, phases))[-2:]
-    np.testing.assert_allclose(swing.get_xydata(), [walk.swing_foot[-1], walk.hip[-1]])
-    np.testing.assert_allclose(stance.get_xydata(), [walk.stance_foot[-1], walk.hip[-1]])
+    np.testing.assert_allclose(np.asarray(swing.get_xydata()), [walk.swing_foot[-1], walk.hip[-1]])
+    np.testing.assert_allclose(np.asarray(stance.get_xydata()), [walk.stance_foot[-1], walk.hip[-1]])
     assert (to_hex(swing.get_color()), to_hex(stance.get_color())) == (SWING, STANCE)
 
 
 def test_older_poses_are_fainter_and_behind(columns, phases):
     stance = legs(strobe(columns, phases))[1::2]
-    brightness = [sum(line.get_color()) for line in stance]
+    brightness = [sum(to_rgb(line.get_color())) for line in stance]
     assert brightness == sorted(brightness, reverse=True)
     levels = [line.get_zorder() for line in stance]
     assert levels == sorted(levels)
@@ -64,7 +64,7 @@ def test_the_strip_tells_the_phases_over_time(columns, phases):
     assert {"O1", "O2", "O3", "O4"} < set(texts)
     left = strip(figure)[0].get_x()
     lines = [
-        line.get_xdata()[0]
+        np.asarray(line.get_xdata())[0]
         for line in figure.axes[0].lines
         if line.get_linewidth() == 0.8 and line.get_color() == INK
     ]
