@@ -49,18 +49,14 @@ def write_markdown(runs: Measurements, folder: Path) -> Path:
 
 
 def _rendered(section: Section) -> list[RenderableType]:
-    grid = Table(
-        title=Text(section.title, style="bold"),
-        title_justify="left",
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        pad_edge=False,
-    )
+    grid = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for index, name in enumerate(section.header):
         grid.add_column(Text(name), style="dim" if name == PAPER else "", no_wrap=index == 0)
     for row in section.rows:
         grid.add_row(*(Text(cell, style=_STYLES.get(cell, "")) for cell in row))
-    return [grid, *(Text(note, style="dim italic") for note in section.notes), Text()]
+    # A table's own title would wrap at the table's width.
+    title = Text(section.title, style="bold")
+    return [title, grid, *(Text(note, style="dim italic") for note in section.notes), Text()]
 
 
 def _as_markdown(section: Section) -> str:
