@@ -13,8 +13,7 @@ class ActorCritic(eqx.Module):
 
     They share nothing but their shape (stable-baselines3's `MlpPolicy`), so that one matrix product serves
     the first layers of both and one batched product the second. Samples are *columns*: an activation is
-    (features, batch), which lets the two halves of the first layer be split without moving a number. On a CPU
-    these two choices take a third of a minibatch's time away.
+    (features, batch), which lets the two halves of the first layer be split without moving a number.
     """
 
     first_weight: Float[Array, "both_first observations"]
