@@ -16,6 +16,7 @@ from typing import Any
 from bench.child import Measurement, Program, measure
 from bench.report import report
 from bench.table import markdown
+from coachable.studies.layout import WIDEST_GROUP
 
 LANES = (1, 4, 15, 60, 240)
 
@@ -44,7 +45,7 @@ def programs(cache: str, quick: bool) -> dict[str, Program]:
         return program("coachable_compilation", 0, {"XDG_CACHE_HOME": cache}, num_lanes=60)
 
     return {
-        "steps": program("coachable_steps", 3, num_lanes=8, num_steps=50_000 // shrink),
+        "steps": program("coachable_steps", 3, num_lanes=WIDEST_GROUP, num_steps=50_000 // shrink),
         "SciPy, matrices": program("scipy_steps", 3, flow="matrix", num_steps=5000 // shrink),
         "SciPy, floats": program("scipy_steps", 3, flow="scalar", num_steps=5000 // shrink),
         "update": program("coachable_update", 5, num_lanes=8),
