@@ -28,6 +28,11 @@ ONE_BLAS_THREAD = {
     "OPENBLAS_L2_SIZE": None,
 }
 
+ONE_XLA_THREAD = {
+    # The size of XLA's thread pool. With more, a thread that finds nothing to do in a small program spins.
+    "NPROC": "1",
+}
+
 
 def programs(cache: str, quick: bool) -> dict[str, Program]:
     """All that is measured, in the order in which it is; `quick` only shows that it runs."""
@@ -45,10 +50,12 @@ def programs(cache: str, quick: bool) -> dict[str, Program]:
         return program("coachable_compilation", 0, {"XDG_CACHE_HOME": cache}, num_lanes=60)
 
     return {
-        "steps": program("coachable_steps", 3, num_lanes=WIDEST_GROUP, num_steps=50_000 // shrink),
+        "steps": program(
+            "coachable_steps", 3, ONE_XLA_THREAD, num_lanes=WIDEST_GROUP, num_steps=50_000 // shrink
+        ),
         "SciPy, matrices": program("scipy_steps", 3, flow="matrix", num_steps=5000 // shrink),
         "SciPy, floats": program("scipy_steps", 3, flow="scalar", num_steps=5000 // shrink),
-        "update": program("coachable_update", 5, num_lanes=8),
+        "update": program("coachable_update", 5, ONE_XLA_THREAD, num_lanes=8),
         "sgemm 1024": program("sgemm", 5, ONE_BLAS_THREAD, size=1024, products=40 // shrink),
         "sgemm 64": program("sgemm", 5, ONE_BLAS_THREAD, size=64, products=50_000 // shrink),
         **{f"lanes {n}": program("coachable_training", 2, num_lanes=n, num_updates=updates) for n in lanes},

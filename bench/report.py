@@ -58,7 +58,7 @@ def report(measured: Mapping[str, Sequence[Measurement]]) -> list[Row]:
 
 def _steps(results: Results) -> list[Row]:
     return [
-        _step_row(results, f"environment: coachable, {WIDEST_GROUP} lanes side by side", "steps"),
+        _step_row(results, f"environment: coachable, {WIDEST_GROUP} lanes side by side, one thread", "steps"),
         *(
             _step_row(results, f"… {name}", name, results.faster("steps", name), "≥ 300 ×")
             for name in _named(results, "SciPy")
@@ -97,7 +97,7 @@ def _update(results: Results) -> list[Row]:
         return f"{100 * results.ratio('update', name):.0f} % of it"
 
     return [
-        row("PPO update: coachable", "update"),
+        row("PPO update: coachable, one thread", "update"),
         row("… sgemm 1024³, one thread", "sgemm 1024", share("sgemm 1024"), "≥ 35 %"),
         row("… sgemm 64³, one thread", "sgemm 64", share("sgemm 64")),
     ]
