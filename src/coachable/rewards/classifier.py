@@ -58,5 +58,5 @@ class Classifier:
         location = xp.full(signals.shape[:-1], self.outside, dtype=xp.int32)
         # From the last phase to the first, so that the first one that holds has the last word.
         for index, predicate in reversed(list(enumerate(self.predicates))):
-            location = xp.where(known & holds(predicate, values), xp.int32(index), location)
+            location = xp.where(known & holds(predicate, values, xp), xp.int32(index), location)
         return location
