@@ -193,8 +193,10 @@ def evaluate(
         case Arithmetic(left, symbol, right):
             return _ARITHMETIC[symbol](evaluate(left, values, functions), evaluate(right, values, functions))
         case Call(function, arguments):
-            apply = getattr(functions, FUNCTIONS[function])
             operands = [evaluate(argument, values, functions) for argument in arguments]
+            # What is made of numbers alone is a number, the same one whatever library the signals are in.
+            numbers = all(type(operand) is float for operand in operands)
+            apply = getattr(Floats if numbers else functions, FUNCTIONS[function])
             return reduce(apply, operands) if len(operands) > 1 else apply(*operands)
 
 

@@ -376,7 +376,7 @@ def _sorted(predicate: Predicate) -> Predicate:
     match predicate:
         case Comparison(left, relation, right, deadband):
             left, right = rewritten(left, _bare), rewritten(right, _bare)
-            deadband = None if deadband is None else Number(deadband.value)
+            deadband = Number(deadband.value) if deadband is not None and deadband.value else None
             if isinstance(left, Number) and not isinstance(right, Number):
                 left, relation, right = right, _MIRRORED[relation], left
             return Comparison(left, relation, right, deadband)
