@@ -211,6 +211,57 @@ def watch(
     print(f"{out}: {who}")
 
 
+def explain(
+    behaviour: Annotated[
+        Positional[str], arg(metavar="FILE", help="A .behaviour file, or the name of one that ships.")
+    ],
+    trace: Annotated[
+        Positional[Path],
+        arg(
+            metavar="TRACE",
+            help="Recorded signals, a column each, and the time: CSV (also .csv.gz) or Parquet.",
+        ),
+    ],
+    dt: Annotated[
+        float | None, _option("SECONDS", "Time between two rows.", otherwise="the column t or time")
+    ] = None,
+    limit: Annotated[int, arg(metavar="N", help="How many violations to show.")] = 20,
+    all: Annotated[bool, arg(help="Show all violations.")] = False,
+    phases: Annotated[
+        Path | None, _option("OUT.csv", "Write the phase at each moment there.", otherwise="do not")
+    ] = None,
+    json: Annotated[bool, arg(help="Print JSON.")] = False,
+) -> None:
+    """Tell where a recorded trace follows a behaviour, and where and why it does not.
+
+    Column names are the behaviour's signals, with or without their unit: dtheta_1 or "dtheta_1 [rad/s]".
+    Exits 0 if the trace follows the behaviour, 1 if it does not, 2 if something cannot be read. For example:
+
+        coachable explain compass-walking log.csv
+        coachable explain mine.behaviour log.csv.gz --dt 0.002 --limit 5
+        coachable explain mine.behaviour log.parquet --json --phases phases.csv
+    """
+    from rich.console import Console
+
+    from coachable.automata.explanation import as_json, as_text
+    from coachable.automata.explanation import explain as watch_trace
+    from coachable.behaviours.library import load_behaviour
+
+    described = load_behaviour(behaviour)
+    with Console(stderr=True).status("") as status:
+        explanation = watch_trace(
+            described,
+            trace,
+            dt,
+            None if all else limit,
+            phases,
+            lambda report: status.update(f"{report.samples:,} rows, up to t = {report.end:.3f} s"),
+        )
+    print(_json(as_json(explanation)) if json else as_text(explanation))
+    if not explanation.report.follows:
+        sys.exit(1)
+
+
 def cite() -> None:
     """Print what to cite, as BibTeX.
 
@@ -223,7 +274,14 @@ def cite() -> None:
     print(citation(), end="")
 
 
-COMMANDS = {"study": study, "table": table, "watch": watch, "baseline": baseline, "cite": cite}
+COMMANDS = {
+    "study": study,
+    "table": table,
+    "watch": watch,
+    "baseline": baseline,
+    "explain": explain,
+    "cite": cite,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

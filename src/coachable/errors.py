@@ -13,6 +13,10 @@ class BehaviourError(CoachableError):
     """A behaviour description contradicts itself or does not exist; the message names the culprit."""
 
 
+class TraceError(CoachableError):
+    """A recorded trace cannot be read or watched; the message names the column or the sample."""
+
+
 class PlanError(CoachableError):
     """A study plan asks for something that cannot be done."""
 

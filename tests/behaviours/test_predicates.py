@@ -31,7 +31,7 @@ def meaning(predicate, values):
         return any(meaning(part, values) for part in predicate.parts)
     if isinstance(predicate, Not):
         return not meaning(predicate.part, values)
-    value, bound = values[predicate.signal], predicate.bound
+    value, bound = values[predicate.left.signal], predicate.right.value
     if predicate.relation == "<":
         return value < bound
     if predicate.relation == "<=":

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from coachable.behaviours import All, Behaviour, Comparison, Edge, Not, Phase, load_behaviour
+from coachable.behaviours import All, Comparison, Edge, Not, Phase, load_behaviour
 from coachable.rewards.phase_reward import Variant
 from coachable.rewards.reward_hash import reward_hash
 from coachable.rewards.setup import PAPER_SETUPS, RewardSetup, Semantics
@@ -59,7 +59,6 @@ def renamed_phases(behaviour):
         dataclasses.replace(WALKING, signals=tuple(reversed(WALKING.signals))),
         with_predicate(0, lambda p: All(*reversed(p.parts), p.parts[0])),
         with_predicate(1, lambda p: Not(Not(p))),
-        Behaviour.from_json(WALKING.to_json()),
     ],
     ids=[
         "description",
@@ -68,7 +67,6 @@ def renamed_phases(behaviour):
         "signal order",
         "part order",
         "double negation",
-        "JSON",
     ],
 )
 def test_the_text_does_not_matter(same):

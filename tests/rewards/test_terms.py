@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from coachable.automata.tracker import Move
 from coachable.behaviours import load_behaviour
 from coachable.rewards.phase_reward import PhaseReward, Variant
 from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, Semantics
@@ -25,8 +26,8 @@ def phase_reward(semantics):
 def facts(**changes):
     """O1 → O2, the hip 1 cm ahead, torques changed by (3, 4) N m, in the middle of an episode."""
     values = {
-        "phase": 1,
-        "previous_phase": 0,
+        "previous": 0,
+        "location": 1,
         "hip_x": 0.51,
         "previous_hip_x": 0.5,
         "foot_x": 0.4,
@@ -36,7 +37,8 @@ def facts(**changes):
         "fell": False,
         "time_is_up": False,
     }
-    return StepFacts(**{name: jnp.asarray(value) for name, value in (values | changes).items()})
+    arrays = {name: jnp.asarray(value) for name, value in (values | changes).items()}
+    return StepFacts(move=Move(arrays.pop("previous"), arrays.pop("location")), **arrays)
 
 
 def terms(semantics, **changes):
@@ -74,8 +76,8 @@ def test_falling_pays_one():
 
 def test_orthant_is_the_phase_reward():
     reward = phase_reward("paper")
-    assert r_or(reward, jnp.asarray(1), jnp.asarray(0)) == 1
-    assert r_or(reward, jnp.asarray(0), jnp.asarray(1)) == -1
+    assert r_or(reward, Move(jnp.asarray(0), jnp.asarray(1))) == 1
+    assert r_or(reward, Move(jnp.asarray(1), jnp.asarray(0))) == -1
 
 
 def test_the_terms_come_in_their_order():
@@ -94,18 +96,18 @@ def test_the_terms_come_in_their_order():
 
 def test_first_step_of_an_episode_in_the_paper():
     # x₀ is outside, so O1 is entered from outside; the hip's start counts; there was no torque before.
-    first = terms("paper", first=True, phase=0, previous_phase=4)
+    first = terms("paper", first=True, location=0, previous=4)
     assert first == {"jerk": 0, "distance": 0, "fall": 0, "forward": 1, "orthant": 1}
 
 
 def test_first_step_of_a_run_of_the_released_code():
     none_yet = phase_reward("released-code").none_yet
-    assert terms("released-code", first=True, previous_phase=none_yet) == dict.fromkeys(TERM_NAMES, 0)
+    assert terms("released-code", first=True, previous=none_yet) == dict.fromkeys(TERM_NAMES, 0)
 
 
 def test_first_step_of_a_later_episode_of_the_released_code():
     # The last torque and the last orthant are those of the episode before; the last hip is forgotten.
-    later = terms("released-code", first=True, phase=3, previous_phase=0)
+    later = terms("released-code", first=True, location=3, previous=0)
     assert later == {"jerk": 25, "distance": 0, "fall": 0, "forward": 0, "orthant": -1}
 
 

@@ -13,7 +13,7 @@ from coachable.automata.notation import pretty_name, pretty_predicate
 from coachable.automata.pictogram import COLOURS, STANCE, SWING, is_walker, pictogram
 from coachable.automata.pictogram import WIDTH as PICTURE
 from coachable.behaviours.behaviour import Behaviour, Edge, Phase
-from coachable.behaviours.predicates import All, Comparison, Predicate
+from coachable.behaviours.predicates import Comparison, Predicate, conjuncts
 
 RESETS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
@@ -108,9 +108,10 @@ def _balanced(text: str, num_letters: int) -> list[str]:
 
 def _formula(predicate: Predicate) -> list[Line]:
     """An invariant: comparisons in two columns where they are short, else in one line that is broken."""
-    if isinstance(predicate, All) and all(isinstance(part, Comparison) for part in predicate.parts):
-        cells = [pretty_predicate(part) for part in predicate.parts]
-        if cells and max(map(len, cells)) <= _FORMULA_LETTERS // 2:
+    parts = conjuncts(predicate)
+    if all(isinstance(part, Comparison) for part in parts):
+        cells = [pretty_predicate(part) for part in parts]
+        if len(cells) > 1 and max(map(len, cells)) <= _FORMULA_LETTERS // 2:
             column = 0.56 * max(map(len, cells)) + 0.4
             return [
                 Line(

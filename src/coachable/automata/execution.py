@@ -206,7 +206,8 @@ class _Executor:
         possible = [edge for edge in edges if self.inside(edge.target, after[edge])]
         occasion = f"On {event} in {location}" if event else f"Leaving {location}"
         if len(possible) > 1:
-            raise _End(Status.NONDETERMINISM, x, f"{occasion}: {' and '.join(map(str, possible))}.")
+            ways = " and ".join(map(str, possible))
+            raise _End(Status.NONDETERMINISM, x, f"{occasion} at {self.listing(self.look(x))}: {ways}.")
         if not possible:
             end = after[edges[0]] if len(edges) == 1 else self.look(x)
             needs = [f"{edge} needs {self.missing(edge.target, after[edge])}" for edge in edges]

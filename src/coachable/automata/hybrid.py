@@ -80,7 +80,10 @@ class HybridAutomaton:
     def of(behaviour: Behaviour, plant: Plant) -> HybridAutomaton:
         """The automaton of a behaviour on a plant: in every phase the plant flows, at an event it jumps.
 
-        **Raises:** `BehaviourError` if an edge carries an event that does not happen to the plant.
+        How it jumps is the plant's to say; what an edge's own `reset` claims about it is not used.
+
+        **Raises:** `BehaviourError` if an edge carries an event that does not happen to the plant, or a reset
+        without an event: nothing then makes the plant jump.
         """
         jumps: Mapping[str | None, Reset] = {None: _identity, TOUCHDOWN: plant.impact}
         for edge in behaviour.edges:
@@ -88,6 +91,11 @@ class HybridAutomaton:
                 known = suggestion(str(edge.event), (TOUCHDOWN,))
                 raise BehaviourError(
                     f"edge {edge}: nothing called {edge.event!r} happens to the plant; {known}"
+                )
+            if edge.event is None and edge.reset:
+                raise BehaviourError(
+                    f"edge {edge}: it resets {', '.join(change.signal for change in edge.reset)}, but has no "
+                    f"event at which the plant could jump; write {edge} on {TOUCHDOWN}"
                 )
         return HybridAutomaton(
             data_variables=behaviour.signals,

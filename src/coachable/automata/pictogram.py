@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 from coachable.automata.layout import Point, arrow_head
 from coachable.behaviours.behaviour import Behaviour, Phase
-from coachable.behaviours.predicates import All, Comparison
+from coachable.behaviours.expressions import Number, Variable
+from coachable.behaviours.predicates import Comparison, conjuncts
 
 STANCE = "#0072b2"
 SWING = "#e07b00"
@@ -78,10 +79,9 @@ def _motion(leg: str, point_at: Callable[[float], Point], angle: float, sign: in
 
 
 def _signs(phase: Phase) -> dict[str, int]:
-    """The sign that a phase gives to each signal it compares with zero, if it is a conjunction."""
-    parts = phase.predicate.parts if isinstance(phase.predicate, All) else (phase.predicate,)
+    """The sign that a phase gives to each signal it compares with zero."""
     return {
-        part.signal: 1 if part.relation in (">", ">=") else -1
-        for part in parts
-        if isinstance(part, Comparison) and part.bound == 0
+        part.left.signal: 1 if part.relation in (">", ">=") else -1
+        for part in conjuncts(phase.predicate)
+        if isinstance(part, Comparison) and isinstance(part.left, Variable) and part.right == Number(0)
     }

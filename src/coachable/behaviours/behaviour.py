@@ -2,39 +2,74 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 
-from coachable.behaviours.json_form import Node, located, predicate_to_data
-from coachable.behaviours.predicates import Predicate, Signal, holds, signals_of
+from coachable.behaviours.expressions import Constant, Expression
+from coachable.behaviours.predicates import Phrase, Predicate, Signal, holds, signals_of
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import BehaviourError
 
 
 @dataclass(frozen=True)
+class Dwell:
+    """How long a phase lasts: no less than `at_least` and no more than `at_most` [s].
+
+    **Raises:** `BehaviourError` for a time that is negative or not a number.
+    """
+
+    at_least: int | float = 0.0
+    at_most: int | float = math.inf
+
+    def __post_init__(self):
+        for field in ("at_least", "at_most"):
+            value = float(getattr(self, field))
+            if not value >= 0:
+                raise BehaviourError(f"a dwell time of {value!r} s; it must not be negative")
+            object.__setattr__(self, field, value)
+
+
+@dataclass(frozen=True)
 class Phase:
-    """A part of the movement: where `predicate` holds. `name` is short (`O1`), `title` is for people."""
+    """A part of the movement: where `predicate` holds. `name` is short (`O1`), `title` is for people.
+
+    A `dwell` limits how long it may last. That takes memory: a state is in the phase whatever the time.
+    """
 
     name: str
     title: str
     predicate: Predicate
+    dwell: Dwell | None = None
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """`signal := expression`: what a signal is right after a jump, in terms of the signals before it."""
+
+    signal: str
+    expression: Expression
+
+    def __str__(self) -> str:
+        return f"{self.signal} := {self.expression}"
 
 
 @dataclass(frozen=True)
 class Edge:
     """Phase `target` may follow phase `source`.
 
-    An `event` names something that happens to the plant at that moment, such as `"touchdown"`. It matters
-    where the behaviour is executed as a hybrid automaton; a reward derived from the behaviour sees
-    phases, never events.
+    An `event` names something that happens to the plant at that moment, such as `"touchdown"`; a `reset`
+    says how signals jump then, and signals that it does not name keep their values. They matter where the
+    behaviour is checked and where it is executed as a hybrid automaton; a reward derived from the behaviour
+    sees phases, never events.
     """
 
     source: str
     target: str
     event: str | None = None
+    reset: tuple[Assignment, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.source} → {self.target}" + ("" if self.event is None else f" on {self.event}")
@@ -45,11 +80,15 @@ class Behaviour:
     """What a movement should look like: K phases over named signals, and the edges between them.
 
     The order of `phases` is part of the meaning: where several hold at once, the first one counts. A
-    state in which none holds is *outside* the behaviour.
+    state in which none holds is *outside* the behaviour; `outside` is what people call it, if they said
+    that it is meant to be there.
+
+    `cycles` are closed walks along the edges: having gone through one is a cycle completed. `constants` and
+    `vocabulary` are what the predicates were written in, and what is left unused of it.
 
     **Raises:** `BehaviourError`, naming the culprit, if there is no phase, if a name is empty or given
-    twice, if a predicate reads an undeclared signal, or if an edge is given twice or joins an unknown
-    phase.
+    twice, if a predicate reads an undeclared signal, if an edge is given twice or joins an unknown
+    phase, or if a cycle takes what is not an edge or does not close.
     """
 
     name: str
@@ -57,19 +96,32 @@ class Behaviour:
     signals: tuple[Signal, ...]
     phases: tuple[Phase, ...]
     edges: tuple[Edge, ...]
+    cycles: tuple[tuple[Edge, ...], ...] = ()
+    constants: tuple[Constant, ...] = ()
+    vocabulary: tuple[Phrase, ...] = ()
+    outside: str | None = None
 
     def __post_init__(self):
-        for field in ("signals", "phases", "edges"):
+        for field in ("signals", "phases", "edges", "constants", "vocabulary"):
             object.__setattr__(self, field, tuple(getattr(self, field)))
+        object.__setattr__(self, "cycles", tuple(map(tuple, self.cycles)))
         with located(f"behaviour {self.name!r}"):
             if not self.phases:
                 raise BehaviourError("it has no phases; give at least one")
             for kind, names in (
-                ("signal", self.signal_names),
+                ("name", [*self.signal_names, *(constant.name for constant in self.constants)]),
+                ("phrase", [phrase.words for phrase in self.vocabulary]),
                 ("phase", self.phase_names),
                 ("edge", self.edges),
             ):
                 _refuse_duplicates(kind, names)
+            for signal in self.signals:
+                if signal.derivative_of is not None:
+                    complaint = f"signal {signal.name}: it is the derivative of an unknown signal"
+                    _require_known(complaint, signal.derivative_of, self.signal_names)
+            for phrase in self.vocabulary:
+                for signal in signals_of(phrase.predicate):
+                    _require_known(f"phrase {phrase.words!r}: unknown signal", signal, self.signal_names)
             for phase in self.phases:
                 if not phase.name.strip():
                     raise BehaviourError("a phase has an empty name")
@@ -78,6 +130,17 @@ class Behaviour:
             for edge in self.edges:
                 for end in (edge.source, edge.target):
                     _require_known(f"edge {edge}: unknown phase", end, self.phase_names)
+                for assignment in edge.reset:
+                    _require_known(f"edge {edge}: unknown signal", assignment.signal, self.signal_names)
+            for cycle in self.cycles:
+                self._require_closed(cycle)
+
+    def _require_closed(self, cycle: tuple[Edge, ...]) -> None:
+        for edge, following in zip(cycle, (*cycle[1:], *cycle[:1]), strict=True):
+            if edge not in self.edges:
+                raise BehaviourError(f"a cycle takes {edge}, which is not an edge")
+            if edge.target != following.source:
+                raise BehaviourError(f"a cycle goes on from {edge} with {following}, so it does not close")
 
     @property
     def signal_names(self) -> tuple[str, ...]:
@@ -103,59 +166,6 @@ class Behaviour:
             return None
         return next((phase.name for phase in self.phases if holds(phase.predicate, values)), None)
 
-    def to_json(self) -> str:
-        """The behaviour as JSON text; `from_json` reads it back as an equal value."""
-        data = {
-            "name": self.name,
-            "description": self.description,
-            "signals": [asdict(signal) for signal in self.signals],
-            "phases": [
-                {"name": phase.name, "title": phase.title, "predicate": predicate_to_data(phase.predicate)}
-                for phase in self.phases
-            ],
-            "edges": [
-                {"source": edge.source, "target": edge.target}
-                | ({} if edge.event is None else {"event": edge.event})
-                for edge in self.edges
-            ],
-        }
-        return json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-    @staticmethod
-    def from_json(text: str) -> Behaviour:
-        """The behaviour that `to_json` wrote, or a person.
-
-        **Raises:** `BehaviourError` saying where: line and column if the text is not JSON, else the place
-        in the document, such as `phases[2].predicate.all[0]`.
-        """
-        try:
-            fields = Node.parse(text).fields({"name", "description", "signals", "phases", "edges"})
-            return Behaviour(
-                name=fields["name"].text(),
-                description=fields["description"].text(),
-                signals=tuple(map(_read_signal, fields["signals"].items())),
-                phases=tuple(map(_read_phase, fields["phases"].items())),
-                edges=tuple(map(_read_edge, fields["edges"].items())),
-            )
-        except RecursionError:
-            raise BehaviourError("the document is nested too deeply") from None
-
-
-def _read_signal(node: Node) -> Signal:
-    fields = node.fields({"name"}, {"unit", "description"})
-    with located(node.place):
-        return Signal(**{name: field.text() for name, field in fields.items()})
-
-
-def _read_phase(node: Node) -> Phase:
-    fields = node.fields({"name", "title", "predicate"})
-    return Phase(fields["name"].text(), fields["title"].text(), fields["predicate"].predicate())
-
-
-def _read_edge(node: Node) -> Edge:
-    fields = node.fields({"source", "target"}, {"event"})
-    return Edge(**{name: field.text() for name, field in fields.items()})
-
 
 def _refuse_duplicates(kind: str, values: Iterable[object]) -> None:
     for value, count in Counter(values).items():
@@ -166,3 +176,12 @@ def _refuse_duplicates(kind: str, values: Iterable[object]) -> None:
 def _require_known(complaint: str, name: str, known: Iterable[str]) -> None:
     if name not in (known := list(known)):
         raise BehaviourError(f"{complaint} {name!r}; {suggestion(name, known)}")
+
+
+@contextmanager
+def located(place: str) -> Iterator[None]:
+    """Puts a place in front of whatever a `BehaviourError` raised inside complains about."""
+    try:
+        yield
+    except BehaviourError as error:
+        raise BehaviourError(f"{place}: {error}") from None

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from coachable.behaviours.behaviour import Behaviour, Edge, Phase
-from coachable.behaviours.json_form import located
+from coachable.behaviours.behaviour import Behaviour, Edge, Phase, located
 from coachable.behaviours.predicates import All, Comparison, Signal
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import BehaviourError
@@ -91,6 +90,8 @@ def load_behaviour(name_or_path: str | Path) -> Behaviour:
         )
     with located(str(path)):
         try:
-            return Behaviour.from_json(path.read_text(encoding="utf-8"))
+            from coachable.behaviours.parser import parse
+
+            return parse(path.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError) as error:
             raise BehaviourError(f"cannot be read as text: {error}") from None

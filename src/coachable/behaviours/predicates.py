@@ -1,4 +1,4 @@
-"""Predicates over named signals: comparisons with a constant, joined by and, or and not.
+"""Predicates over named signals: comparisons of expressions, joined by and, or and not.
 
 A predicate is a frozen value. It says nothing about where its signals come from, so one description serves a
 plain mapping of floats, NumPy arrays and traced JAX arrays alike.
@@ -6,14 +6,25 @@ plain mapping of floats, NumPy arrays and traced JAX arrays alike.
 
 from __future__ import annotations
 
-import math
 import operator
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from types import MappingProxyType
 
+from coachable.behaviours.expressions import (
+    Arithmetic,
+    Constant,
+    Expression,
+    Floats,
+    Number,
+    Variable,
+    evaluate,
+    expression_of,
+    rewritten,
+    subexpressions,
+)
 from coachable.errors import BehaviourError
 
 OPERATORS: Mapping[str, Callable] = MappingProxyType(
@@ -22,13 +33,15 @@ OPERATORS: Mapping[str, Callable] = MappingProxyType(
 """What each relation means: the only such table in the library."""
 
 _OPPOSITE: Mapping[str, str] = MappingProxyType({"<": ">=", "<=": ">", ">": "<=", ">=": "<"})
+_MIRRORED: Mapping[str, str] = MappingProxyType({"<": ">", "<=": ">=", ">": "<", ">=": "<="})
 
 
 @dataclass(frozen=True)
 class Signal:
     """A named number that a behaviour talks about.
 
-    **Arguments:** `name`, a Python identifier; `unit`, such as `"rad/s"`; `description`, one line.
+    **Arguments:** `name`, a Python identifier; `unit`, such as `"rad/s"`; `description`, one line;
+    `derivative_of`, the name of the signal whose derivative in time this one is, if it is one.
 
     **Raises:** `BehaviourError` if the name is not an identifier:
     it could not be written in a predicate.
@@ -37,6 +50,7 @@ class Signal:
     name: str
     unit: str = ""
     description: str = ""
+    derivative_of: str | None = None
 
     def __post_init__(self):
         if not self.name.isidentifier():
@@ -48,30 +62,124 @@ class Signal:
         return self.name
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Comparison:
-    """`signal relation bound`, such as `theta_1 > 0`; the bound is in the signal's unit.
+    """`left relation right`, such as `theta_1 > 0`; both sides are in one unit.
 
-    **Raises:** `BehaviourError` for an unknown relation or a bound that is not a finite number.
+    A `deadband`, in that unit, keeps a phase from flickering at the boundary: whoever is in the phase leaves
+    it only where the comparison fails by more than the deadband. That takes memory, so `holds` ignores it;
+    see `widened`.
+
+    **Arguments:** a name stands for a signal and a plain number for a `Number`.
+
+    **Raises:** `BehaviourError` for an unknown relation, a number that is not finite, or a negative deadband.
     """
 
-    signal: str
+    left: Expression
     relation: str
-    bound: int | float
+    right: Expression
+    deadband: Number | None
 
-    def __post_init__(self):
-        if self.relation not in OPERATORS:
+    def __init__(
+        self,
+        left: Expression | str | int | float,
+        relation: str,
+        right: Expression | str | int | float,
+        deadband: Number | int | float | None = None,
+    ):
+        if relation not in OPERATORS:
             known = " ".join(OPERATORS)
-            raise BehaviourError(f"{self.signal}: unknown relation {self.relation!r}; use one of {known}")
-        if not math.isfinite(self.bound):
-            raise BehaviourError(
-                f"{self.signal} {self.relation} {self.bound!r}: the bound must be a finite number"
-            )
-        # Adding 0.0 turns −0.0 into 0.0: the two mean the same and must print, compare and hash the same.
-        object.__setattr__(self, "bound", float(self.bound) + 0.0)
+            raise BehaviourError(f"{left}: unknown relation {relation!r}; use one of {known}")
+        for field, value in (("left", left), ("right", right)):
+            try:
+                object.__setattr__(self, field, expression_of(value))
+            except BehaviourError:
+                raise BehaviourError(
+                    f"{left} {relation} {right!r}: the bound must be a finite number"
+                ) from None
+        object.__setattr__(self, "relation", relation)
+        object.__setattr__(self, "deadband", _deadband(deadband))
 
     def __str__(self) -> str:
-        return f"{self.signal} {self.relation} {repr(self.bound).removesuffix('.0')}"
+        return f"{self.left} {self.relation} {self.right}{_deadband_text(self.deadband)}"
+
+
+@dataclass(frozen=True, init=False)
+class Between:
+    """`low relation middle relation high`, such as `0.1 < x <= 0.3`; both relations are < or <=.
+
+    **Raises:** `BehaviourError` for another relation.
+    """
+
+    low: Expression
+    low_relation: str
+    middle: Expression
+    high_relation: str
+    high: Expression
+    deadband: Number | None
+
+    def __init__(
+        self,
+        low: Expression | str | int | float,
+        low_relation: str,
+        middle: Expression | str | int | float,
+        high_relation: str,
+        high: Expression | str | int | float,
+        deadband: Number | int | float | None = None,
+    ):
+        for relation in (low_relation, high_relation):
+            if relation not in ("<", "<="):
+                raise BehaviourError(f"a range is written with < or <=, not with {relation!r}")
+        object.__setattr__(self, "low", expression_of(low))
+        object.__setattr__(self, "low_relation", low_relation)
+        object.__setattr__(self, "middle", expression_of(middle))
+        object.__setattr__(self, "high_relation", high_relation)
+        object.__setattr__(self, "high", expression_of(high))
+        object.__setattr__(self, "deadband", _deadband(deadband))
+
+    def __str__(self) -> str:
+        text = f"{self.low} {self.low_relation} {self.middle} {self.high_relation} {self.high}"
+        return text + _deadband_text(self.deadband)
+
+
+@dataclass(frozen=True, init=False)
+class Near:
+    """`value = target within tolerance`: |value − target| ≤ tolerance."""
+
+    value: Expression
+    target: Expression
+    tolerance: Expression
+
+    def __init__(
+        self,
+        value: Expression | str | int | float,
+        target: Expression | str | int | float,
+        tolerance: Expression | str | int | float,
+    ):
+        object.__setattr__(self, "value", expression_of(value))
+        object.__setattr__(self, "target", expression_of(target))
+        object.__setattr__(self, "tolerance", expression_of(tolerance))
+
+    def __str__(self) -> str:
+        return f"{self.value} = {self.target} within {self.tolerance}"
+
+
+@dataclass(frozen=True)
+class Phrase:
+    """A predicate under the words that a coach has for it; it prints as the words.
+
+    **Raises:** `BehaviourError` if `words` are not words with single spaces between them.
+    """
+
+    words: str
+    predicate: Predicate
+
+    def __post_init__(self):
+        if not self.words or self.words != " ".join(self.words.split()):
+            raise BehaviourError(f"phrase {self.words!r}: write words with single spaces between them")
+
+    def __str__(self) -> str:
+        return self.words
 
 
 @dataclass(frozen=True, init=False)
@@ -107,77 +215,202 @@ class Not:
     part: Predicate
 
     def __str__(self) -> str:
-        return f"not ({self.part})"
+        return f"not {self.part}" if isinstance(self.part, Phrase) else f"not ({self.part})"
 
 
-Predicate = Comparison | All | Any | Not
+Predicate = Comparison | Between | Near | Phrase | All | Any | Not
 
 
 def _operand(predicate: Predicate) -> str:
     return f"({predicate})" if isinstance(predicate, All | Any) else str(predicate)
 
 
-def holds(predicate: Predicate, values: Mapping[str, typing.Any]) -> typing.Any:
-    """Whether the predicate holds at the given signal values.
+def _deadband(deadband: Number | int | float | None) -> Number | None:
+    number = Number(deadband) if isinstance(deadband, int | float) else deadband
+    if number is not None and number.value < 0:
+        raise BehaviourError(f"a deadband of {number} is negative")
+    return number
+
+
+def _deadband_text(deadband: Number | None) -> str:
+    return "" if deadband is None else f" deadband {deadband}"
+
+
+def holds(
+    predicate: Predicate, values: Mapping[str, typing.Any], functions: typing.Any = Floats
+) -> typing.Any:
+    """Whether the predicate holds at the given signal values; deadbands play no part.
 
     The values may be floats or arrays of any library with elementwise `<`, `&`, `|` and `^`; for floats
     the answer is a `bool`, for arrays an array of booleans. Comparisons with NaN are false, as in IEEE
     754, and so a `Not` around one is true: whoever needs a NaN to mean "nowhere" says so, as
-    `Behaviour.phase_at` does.
+    `Behaviour.phase_at` does. `functions` is as in `evaluate`.
 
     **Raises:** `KeyError` for a signal without a value.
     """
     match predicate:
-        case Comparison(signal, relation, bound):
-            return OPERATORS[relation](values[signal], bound)
+        case Comparison(left=left, relation=relation, right=right):
+            return OPERATORS[relation](evaluate(left, values, functions), evaluate(right, values, functions))
+        case Between() | Near():
+            return holds(All(*comparisons_of(predicate)), values, functions)
+        case Phrase(predicate=inner):
+            return holds(inner, values, functions)
         case All(parts=parts):
-            return reduce(operator.and_, (holds(part, values) for part in parts), True)
+            return reduce(operator.and_, (holds(part, values, functions) for part in parts), True)
         case Any(parts=parts):
-            return reduce(operator.or_, (holds(part, values) for part in parts), False)
+            return reduce(operator.or_, (holds(part, values, functions) for part in parts), False)
         case Not(part):
             # `~` would turn Python's True into −2; exclusive or negates Python's and every array's booleans.
-            return holds(part, values) ^ True
+            return holds(part, values, functions) ^ True
+
+
+def comparisons_of(predicate: Comparison | Between | Near) -> tuple[Comparison, ...]:
+    """The comparisons that hold together where the predicate does."""
+    match predicate:
+        case Comparison():
+            return (predicate,)
+        case Between(low, low_relation, middle, high_relation, high, deadband):
+            return (
+                Comparison(middle, _MIRRORED[low_relation], low, deadband),
+                Comparison(middle, high_relation, high, deadband),
+            )
+        case Near(value, target, tolerance):
+            return (
+                Comparison(value, ">=", Arithmetic(target, "-", tolerance)),
+                Comparison(value, "<=", Arithmetic(target, "+", tolerance)),
+            )
+
+
+def expanded(predicate: Predicate) -> Predicate:
+    """The same predicate in comparisons, `All`, `Any` and `Not` alone: phrases and ranges spelt out."""
+    match predicate:
+        case Comparison():
+            return predicate
+        case Between() | Near():
+            return All(*comparisons_of(predicate))
+        case Phrase(predicate=inner):
+            return expanded(inner)
+        case All(parts=parts) | Any(parts=parts):
+            return type(predicate)(*map(expanded, parts))
+        case Not(part):
+            return Not(expanded(part))
+
+
+def widened(predicate: Predicate) -> Predicate:
+    """The predicate of staying: every comparison with a deadband holds that much farther.
+
+    `x > 0 deadband 0.1` becomes `x > 0 - 0.1`; inside a `Not`, where holding farther means to fail farther,
+    it becomes `x > 0 + 0.1`. A predicate without deadbands stays equal to its expanded self.
+    """
+    return _shifted(expanded(predicate), outwards=True)
+
+
+def _shifted(predicate: Predicate, outwards: bool) -> Predicate:
+    match predicate:
+        case Comparison(left, relation, right, deadband):
+            if deadband is None:
+                return predicate
+            down = (relation in (">", ">=")) == outwards
+            return Comparison(left, relation, Arithmetic(right, "-" if down else "+", deadband))
+        case Not(part):
+            return Not(_shifted(part, not outwards))
+        case All(parts=parts) | Any(parts=parts):
+            return type(predicate)(*(_shifted(part, outwards) for part in parts))
+        case _:
+            raise TypeError(f"{predicate!r} is not expanded")
+
+
+def conjuncts(predicate: Predicate) -> tuple[Predicate, ...]:
+    """The parts that must all hold, in their order: phrases and ranges spelt out, negations pushed inwards."""
+    match expanded(predicate):
+        case All(parts=parts):
+            return tuple(dict.fromkeys(inner for part in parts for inner in conjuncts(part)))
+        case Not(part):
+            opposite = _opposite(part)
+            return conjuncts(opposite) if isinstance(opposite, All | Not) else (opposite,)
+        case other:
+            return (other,)
+
+
+def subpredicates(predicate: Predicate) -> Iterator[Predicate]:
+    """The predicate and all that it is made of, phrases entered, from the outside in, from left to right."""
+    yield predicate
+    match predicate:
+        case Phrase(predicate=part) | Not(part):
+            yield from subpredicates(part)
+        case All(parts=parts) | Any(parts=parts):
+            for part in parts:
+                yield from subpredicates(part)
+
+
+def expressions_of(predicate: Predicate) -> Iterator[Expression]:
+    """The expressions that a predicate compares, from left to right."""
+    for part in subpredicates(predicate):
+        match part:
+            case Comparison(left=left, right=right):
+                yield from (left, right)
+            case Between(low=low, middle=middle, high=high):
+                yield from (low, middle, high)
+            case Near(value, target, tolerance):
+                yield from (value, target, tolerance)
 
 
 def signals_of(predicate: Predicate) -> tuple[str, ...]:
     """The names of the signals a predicate reads, each once, in the order of their first appearance."""
-    match predicate:
-        case Comparison(signal):
-            return (signal,)
-        case Not(part):
-            return signals_of(part)
-        case All(parts=parts) | Any(parts=parts):
-            return tuple(dict.fromkeys(name for part in parts for name in signals_of(part)))
+    nodes = (node for expression in expressions_of(predicate) for node in subexpressions(expression))
+    return tuple(dict.fromkeys(node.signal for node in nodes if isinstance(node, Variable)))
 
 
 def normal_form(predicate: Predicate) -> Predicate:
     """An equivalent predicate that does not depend on the order, nesting or repetition of its parts.
 
-    Negations are pushed into the comparisons (`not (x > 0)` becomes `x <= 0`, which is the same for every
-    number but NaN), nested conjunctions and disjunctions are flattened, and parts are sorted and kept
-    once. Equal normal forms mean equal predicates; the converse does not hold, for that is a question for
-    a solver.
+    Phrases, ranges and named constants are spelt out, units dropped, negations are pushed into the comparisons (`not (x > 0)` becomes
+    `x <= 0`, which is the same for every number but NaN), a number on the left goes to the right, nested
+    conjunctions and disjunctions are flattened, and parts are sorted and kept once. Equal normal forms mean
+    equal predicates; the converse does not hold, for that is a question for a solver.
     """
+    return _sorted(expanded(predicate))
+
+
+def _sorted(predicate: Predicate) -> Predicate:
     match predicate:
-        case Comparison():
-            return predicate
+        case Comparison(left, relation, right, deadband):
+            left, right = rewritten(left, _bare), rewritten(right, _bare)
+            deadband = Number(deadband.value) if deadband is not None and deadband.value else None
+            if isinstance(left, Number) and not isinstance(right, Number):
+                left, relation, right = right, _MIRRORED[relation], left
+            return Comparison(left, relation, right, deadband)
         case Not(part):
-            return normal_form(_opposite(part))
+            return _sorted(_opposite(part))
         case All(parts=parts) | Any(parts=parts):
             kind = type(predicate)
             flat = set()
-            for part in map(normal_form, parts):
+            for part in map(_sorted, parts):
                 flat.update(part.parts if isinstance(part, kind) else [part])
             return flat.pop() if len(flat) == 1 else kind(*sorted(flat, key=str))
+        case _:
+            raise TypeError(f"{predicate!r} is not expanded")
+
+
+def _bare(leaf: Number | Variable | Constant) -> Number | Variable:
+    match leaf:
+        case Constant(number=number):
+            return Number(number.value)
+        case Number(value):
+            return Number(value)
+        case _:
+            return leaf
 
 
 def _opposite(predicate: Predicate) -> Predicate:
     match predicate:
-        case Comparison(signal, relation, bound):
-            return Comparison(signal, _OPPOSITE[relation], bound)
+        case Comparison(left, relation, right, deadband):
+            return Comparison(left, _OPPOSITE[relation], right, deadband)
         case Not(part):
             return part
         case All(parts=parts):
             return Any(*map(Not, parts))
         case Any(parts=parts):
             return All(*map(Not, parts))
+        case _:
+            raise TypeError(f"{predicate!r} is not expanded")

@@ -141,7 +141,7 @@ class Trajectory:
 
         x = with_start(start.x, steps.observation)
         states: dict[str, np.ndarray] = dict(zip(STATE_NAMES, x.T, strict=True))
-        classifier = task.phase_reward.classifier
+        tracker = task.phase_reward.tracker
         u1, u2 = with_end(steps.control).T
         return cls(
             time=with_start(np.zeros_like(start.foot_x), steps.time),
@@ -149,7 +149,7 @@ class Trajectory:
             u2=u2,
             foot_x=with_start(start.foot_x, steps.foot_x),
             hip_x=with_start(start.hip_x, steps.hip_x),
-            phase=np.asarray(classifier(np.stack([states[name] for name in classifier.signals], axis=-1))),
+            phase=tracker.along(states, tracker.none_yet),
             terms=dict(zip(TERM_NAMES, with_end(steps.terms).T, strict=True)),
             **states,
         )

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
+from coachable.automata.tracker import Memory
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.behaviours.suggestion import suggestion
@@ -41,8 +42,8 @@ class WalkingState(eqx.Module):
     observation: Float[Array, "4"]
     """x, except right after a shared evaluation moved the walker."""
     hip_x: Float[Array, ""]
-    phase: Int[Array, ""]
-    """Location before the next step, or `PhaseReward.none_yet`."""
+    memory: Memory
+    """Location before the next step, or `PhaseReward.none_yet`, and what dwell times need."""
     control: Float[Array, "2"]
     """Torque of the step before."""
     num_steps: Int[Array, ""]
@@ -102,12 +103,13 @@ class WalkingTask(Task):
         """Return the state in which a run starts: at x0, the stance foot at 0. Nothing is random."""
         dtype, count = self.x0.dtype, jnp.zeros((), jnp.int32)
         zero = jnp.zeros((), dtype)
+        remember = self.phase_reward.start if self.semantics == "paper" else self.phase_reward.before_all
         return WalkingState(
             x=self.x0,
             foot_x=zero,
             observation=self.x0,
             hip_x=self.plant.hip(self.x0, zero)[0],
-            phase=self.locate(self.x0) if self.semantics == "paper" else count + self.phase_reward.none_yet,
+            memory=remember(self._signals(self.x0)),
             control=jnp.zeros((2,), dtype),
             num_steps=count,
             full_steps=count,
@@ -118,12 +120,11 @@ class WalkingTask(Task):
 
     def reset(self, state: WalkingState, key: PRNGKeyArray | None = None) -> WalkingState:
         """Return the start of the next episode; the released code remembers its last location and torque."""
-        memory = ("total_steps",) if self.semantics == "paper" else ("total_steps", "phase", "control")
-        return eqx.tree_at(
-            lambda s: tuple(getattr(s, name) for name in memory),
-            self.init(),
-            tuple(getattr(state, name) for name in memory),
-        )
+
+        def outlives(s: WalkingState) -> tuple[Array, ...]:
+            return (s.total_steps,) + ((s.memory.location, s.control) if self.semantics != "paper" else ())
+
+        return eqx.tree_at(outlives, self.init(), outlives(state))
 
     def observation(self, state: WalkingState) -> Float[Array, "4"]:
         """Return x (θ1, θ2, θ̇1, θ̇2) as the controller sees it."""
@@ -131,7 +132,7 @@ class WalkingTask(Task):
 
     def locate(self, x: Float[Array, "4"]) -> Int[Array, ""]:
         """Return the location of a state: a phase of the behaviour, or K outside."""
-        return self.phase_reward.locate(self.plant.signals(x, self.phase_reward.classifier.signals))
+        return self.phase_reward.locate(self._signals(x))
 
     def step(self, state: WalkingState, action: Float[Array, "2"]) -> tuple[WalkingState, Timestep]:
         """Hold the action, clipped to the box, for one control step and pay for where it led."""
@@ -154,10 +155,10 @@ class WalkingTask(Task):
         else:
             time_is_up = time >= self.seconds - 1e-3 * self.control_dt  # sums of short steps are not exact
 
-        hip_x, phase = self.plant.hip(x, foot_x)[0], self.locate(x)
+        hip_x = self.plant.hip(x, foot_x)[0]
+        memory, move = self.phase_reward.tracker.advance(state.memory, self._signals(x), moved.elapsed)
         facts = StepFacts(
-            phase=phase,
-            previous_phase=state.phase,
+            move=move,
             hip_x=hip_x,
             previous_hip_x=state.hip_x,
             foot_x=foot_x,
@@ -178,7 +179,7 @@ class WalkingTask(Task):
             hip_x=hip_x,
             foot_x=foot_x,
             time=time,
-            phase=phase,
+            phase=move.location,
             control=control,
         )
         after = WalkingState(
@@ -186,7 +187,7 @@ class WalkingTask(Task):
             foot_x=foot_x,
             observation=x,
             hip_x=hip_x,
-            phase=phase,
+            memory=memory,
             control=control,
             num_steps=num_steps,
             full_steps=full_steps,
@@ -195,6 +196,10 @@ class WalkingTask(Task):
             total_steps=total_steps,
         )
         return self._shared_evaluation(after), timestep
+
+    def _signals(self, x: Float[Array, "4"]) -> Float[Array, " signals"]:
+        """Return what the behaviour speaks of."""
+        return self.plant.signals(x, self.phase_reward.classifier.signals)
 
     def _advance(self, state: WalkingState, control: Float[Array, "2"]) -> Advance:
         """Move the plant, under the chatter rule of the semantics and the clock."""

@@ -1,18 +1,19 @@
-"""r_or, the orthant reward, for any behaviour: a classifier, and a table of what steps between phases pay."""
+"""r_or, the orthant reward, for any behaviour: a tracker, and a table of what steps between phases pay."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Int8
 
+from coachable.automata.classifier import Classifier, array_library
+from coachable.automata.tracker import Memory, Move, Tracker
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import ParameterError
-from coachable.rewards.classifier import Classifier
 
 Variant = Literal["stay", "equation", "released"]
 
@@ -72,20 +73,27 @@ class PhaseReward(eqx.Module):
     """r_or of a behaviour: where a state is, and what it pays to have come there.
 
     A location is a phase 0 … K−1, K outside all of them, or, only as the previous one, K+1: *none yet*,
-    before anything was seen. The row of *none yet* is all 0, so whoever steps an environment carries one
-    integer and never asks whether there is a previous location. A run that starts from a known state
-    starts from that state's location; one that starts like the released code starts from *none yet*, and
-    its first step pays nothing.
+    before anything was seen. The row of *none yet* is all 0, so whoever steps an environment never asks
+    whether there is a previous location. A run that starts from a known state starts from that state's
+    location; one that starts like the released code starts from *none yet*, and its first step pays nothing.
+
+    What a run has to remember is one small `Memory`. `start`, `before_all` and `advance` take arrays of
+    NumPy, JAX and torch, in any batch shape.
     """
 
     table: Int8[Array, "previous current"]
-    classifier: Classifier = eqx.field(static=True)
+    tracker: Tracker = eqx.field(static=True)
 
     @staticmethod
     def of(behaviour: Behaviour, variant: Variant = "stay") -> "PhaseReward":
         """The phase reward of a behaviour; see `reward_table` for the variants."""
         table = np.pad(reward_table(behaviour, variant), ((0, 1), (0, 0)))
-        return PhaseReward(jnp.asarray(table), Classifier.of(behaviour))
+        return PhaseReward(jnp.asarray(table), Tracker.of(behaviour))
+
+    @property
+    def classifier(self) -> Classifier:
+        """𝒪, which knows no memory."""
+        return self.tracker.classifier
 
     @property
     def outside(self) -> int:
@@ -95,14 +103,43 @@ class PhaseReward(eqx.Module):
     @property
     def none_yet(self) -> int:
         """K+1, the previous location before anything was seen."""
-        return self.classifier.outside + 1
+        return self.tracker.none_yet
 
     def locate(self, signals: Float[Array, "*batch num_signals"]) -> Int[Array, "*batch"]:
-        """𝒪(x): the location of a state; see `Classifier`."""
+        """𝒪(x): the location of a state of which nothing is remembered; see `Classifier`."""
         return jnp.asarray(self.classifier(signals))
+
+    def start(self, signals: Float[Any, "*batch num_signals"]) -> Memory:
+        """The memory of a run that starts from these signals."""
+        return self.tracker.start(signals)
+
+    def before_all(self, signals: Float[Any, "*batch num_signals"]) -> Memory:
+        """The memory of a run of which nothing was seen yet, for signals like these."""
+        return self.tracker.before_all(signals)
+
+    def advance(
+        self, memory: Memory, signals: Float[Any, "*batch num_signals"], dt: Float[Any, "..."] | float
+    ) -> tuple[Memory, Move, Int8[Any, "*batch"]]:
+        """The memory after one more sample, what the sample brought, and what it pays: +1, −1, or 0 at first.
+
+        **Arguments:** `memory`, from the last sample; `signals`, in the order of the classifier's, along
+        the last axis; `dt`, the time between the two samples [s].
+        """
+        memory, move = self.tracker.advance(memory, signals, dt)
+        return memory, move, self.pay(move)
+
+    def pay(self, move: Move) -> Int8[Any, "*batch"]:
+        """r_or(𝒪(x_t), 𝒪(x_{t−1})), by the table; a violated dwell time pays −1."""
+        table = self.table
+        if not isinstance(move.location, Array):
+            table = array_library(move.location).asarray(np.array(table))
+        paid = table[move.previous, move.location]
+        if move.too_short is None or move.too_long is None:
+            return paid
+        return array_library(paid).where(move.too_short | move.too_long, -1, paid)
 
     def __call__(
         self, current: Int[Array, "*batch"], previous: Int[Array, "*batch"]
     ) -> Int8[Array, "*batch"]:
-        """r_or(𝒪(x_t), 𝒪(x_{t−1})), for locations from `locate`; the previous one may be `none_yet`."""
-        return self.table[previous, current]
+        """r_or for locations alone, without memory; the previous one may be `none_yet`."""
+        return self.pay(Move(previous, current))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 
-from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.behaviour import Behaviour, Dwell
 from coachable.behaviours.predicates import normal_form
 from coachable.rewards.phase_reward import Variant, reward_table
 from coachable.rewards.setup import RewardSetup, Semantics
@@ -14,14 +14,21 @@ from coachable.rewards.setup import RewardSetup, Semantics
 def reward_hash(behaviour: Behaviour, variant: Variant, semantics: Semantics, setup: RewardSetup) -> str:
     """SHA-256, in hexadecimal, of what the reward pays.
 
-    It covers the phases' predicates in their normal form and order, the table of r_or, the semantics and
-    the weights. Names of phases, titles, descriptions, units, the setup's name and the events on edges
-    pay nothing and leave it unchanged. It is the same on every machine and in every run.
+    It covers the phases' predicates in their normal form and order, deadbands included, their dwell times if
+    there are any, the table of r_or, the semantics and the weights. Names of phases, titles, descriptions,
+    units, phrases, the setup's name and the events on edges pay nothing and leave it unchanged. It is the
+    same on every machine and in every run.
     """
-    paid = {
+    paid: dict[str, object] = {
         "orthant_table": reward_table(behaviour, variant).tolist(),
         "phases": [str(normal_form(phase.predicate)) for phase in behaviour.phases],
         "semantics": semantics,
         "weights": [repr(weight + 0.0) for weight in setup.weights],
     }
+    if any(phase.dwell not in (None, Dwell()) for phase in behaviour.phases):
+        paid["dwells"] = [_times(phase.dwell or Dwell()) for phase in behaviour.phases]
     return hashlib.sha256(json.dumps(paid, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def _times(dwell: Dwell) -> list[str]:
+    return [repr(float(time) + 0.0) for time in (dwell.at_least, dwell.at_most)]

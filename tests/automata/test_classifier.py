@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coachable.behaviours import All, Any, Behaviour, Comparison, Not, Phase, Signal, load_behaviour
-from coachable.rewards.classifier import Classifier
+from coachable.automata.classifier import Classifier
 
 NAMES = ("x", "y", "z")
 BOUNDS = (-1.0, -0.0, 0.0, 0.5)

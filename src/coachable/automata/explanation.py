@@ -1,0 +1,167 @@
+"""A recorded trace explained: what `coachable explain` does and prints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv as pa_csv
+
+from coachable.automata.monitor import Monitor
+from coachable.automata.report import Report
+from coachable.automata.trace_file import read_trace
+from coachable.automata.violation import Violation, seconds
+from coachable.behaviours.behaviour import Behaviour, Edge
+from coachable.errors import TraceError
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The report on a whole trace, and its first violations, of which one may be enough to see the rest."""
+
+    trace: str
+    report: Report
+    shown: tuple[Violation, ...]
+
+
+def explain(
+    behaviour: Behaviour,
+    trace: Path,
+    dt: float | None = None,
+    limit: int | None = 20,
+    phases: Path | None = None,
+    progress: Callable[[Report], None] = lambda report: None,
+) -> Explanation:
+    """Watch a recorded trace from its first row to its last, in constant memory but for what is shown.
+
+    **Arguments:** `dt`, the time between rows if the file has no time column [s]; `limit`, how many
+    violations to keep, `None` for all; `phases`, a CSV file to write, the phase at each moment; `progress`,
+    called every some ten thousand rows.
+
+    **Raises:** `TraceError` for a file that `read_trace` or the monitor does not take, or without rows.
+    """
+    monitor, shown = Monitor(behaviour), []
+    with _phase_writer(phases, behaviour) as write:
+        for chunk in read_trace(trace, behaviour.signals, dt):
+            try:
+                locations, violations = monitor.feed_rows(chunk.times, chunk.values)
+            except TraceError as error:
+                raise TraceError(f"{trace}: {error}") from None
+            shown += violations if limit is None else violations[: max(limit - len(shown), 0)]
+            write(chunk.times, locations)
+            progress(monitor.report())
+    report = monitor.report()
+    if not report.samples:
+        raise TraceError(f"{trace}: it has a header but no rows")
+    return Explanation(str(trace), report, tuple(shown))
+
+
+def as_text(explanation: Explanation) -> str:
+    """The explanation for people."""
+    report, behaviour = explanation.report, explanation.report.behaviour
+    total = sum(report.violations.values())
+    lines = [
+        f"{explanation.trace} against {behaviour.name!r}: {report.samples:,} samples, "
+        f"t = {seconds(report.start or 0.0)} s to {seconds(report.end or 0.0)} s",
+        "",
+        f"  in a phase   {_percent(report.share_in_cycle)} of the samples",
+        *(
+            f"  {'cycles' if index == 0 else '':<13}{count} × {_walk(cycle)}"
+            for index, (cycle, count) in enumerate(zip(behaviour.cycles, report.cycles, strict=True))
+        ),
+        "",
+        *_phase_table(report),
+        "",
+    ]
+    if report.follows:
+        return "\n".join([*lines, "It follows the behaviour."])
+    kinds = ", ".join(f"{kind.value}: {count:,}" for kind, count in report.violations.items())
+    lines += [f"It does not follow the behaviour ({kinds}):", ""]
+    lines += [f"  {violation.sentence}" for violation in explanation.shown]
+    if left_out := total - len(explanation.shown):
+        lines.append(f"  … and {left_out:,} more; --all shows them.")
+    return "\n".join(lines)
+
+
+def as_json(explanation: Explanation) -> dict[str, object]:
+    """The explanation for programs; times in seconds."""
+    report, behaviour = explanation.report, explanation.report.behaviour
+    return {
+        "trace": explanation.trace,
+        "behaviour": behaviour.name,
+        "follows": report.follows,
+        "samples": report.samples,
+        "start": report.start,
+        "end": report.end,
+        "share_in_cycle": report.share_in_cycle,
+        "cycles": [
+            {"cycle": _walk(cycle), "completed": count}
+            for cycle, count in zip(behaviour.cycles, report.cycles, strict=True)
+        ],
+        "phases": [
+            {
+                "phase": name,
+                "share": report.samples_in[name] / report.samples,
+                "stays": stays.count,
+                "mean": stays.mean,
+                "shortest": stays.shortest if stays.count else None,
+                "longest": stays.longest if stays.count else None,
+            }
+            for name, stays in report.stays.items()
+        ],
+        "violations": {kind.value: count for kind, count in report.violations.items()},
+        "first_violation": None if report.first is None else _violation(report.first),
+        "shown": [_violation(violation) for violation in explanation.shown],
+    }
+
+
+def _violation(violation: Violation) -> dict[str, object]:
+    return {
+        "t": violation.time,
+        "kind": violation.kind.value,
+        "from": violation.source,
+        "to": violation.target,
+        "sentence": violation.sentence,
+    }
+
+
+def _phase_table(report: Report) -> list[str]:
+    width = max(len("phase"), *map(len, report.stays))
+    lines = [f"  {'phase':<{width}}  samples  whole stays     mean  shortest   longest [s]"]
+    for name, stays in report.stays.items():
+        times = [
+            f"{time:.3f}" if stays.count else "–" for time in (stays.mean, stays.shortest, stays.longest)
+        ]
+        share = _percent(report.samples_in[name] / report.samples)
+        lines.append(
+            f"  {name:<{width}}  {share:>7}{stays.count:>13,}{times[0]:>9}{times[1]:>10}{times[2]:>10}"
+        )
+    return lines
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{100 * share:.1f} %"
+
+
+def _walk(cycle: tuple[Edge, ...]) -> str:
+    return " → ".join([*(edge.source for edge in cycle), cycle[0].source]) if cycle else "nothing"
+
+
+@contextmanager
+def _phase_writer(
+    path: Path | None, behaviour: Behaviour
+) -> Iterator[Callable[[np.ndarray, np.ndarray], None]]:
+    """What writes down the phase at each moment, if anybody asked for it; outside it is empty."""
+    if path is None:
+        yield lambda times, locations: None
+        return
+    names = np.array([*behaviour.phase_names, ""], object)
+    schema = pa.schema([("t [s]", pa.float64()), ("phase", pa.string())])
+    with pa_csv.CSVWriter(path, schema) as writer:
+        yield lambda times, locations: writer.write_batch(
+            pa.record_batch([pa.array(times), pa.array(names[locations], pa.string())], schema)
+        )

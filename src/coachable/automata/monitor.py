@@ -1,0 +1,259 @@
+"""Watch recorded signals: is this the behaviour, and where is it not?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from coachable.automata.report import Report, Stays
+from coachable.automata.tracker import CLOCK_TOLERANCE, Tracker
+from coachable.automata.violation import Kind, Violation, seconds
+from coachable.behaviours.behaviour import Behaviour, Dwell, Edge
+from coachable.behaviours.suggestion import suggestion
+from coachable.errors import TraceError
+
+Column = Sequence[float] | np.ndarray
+
+
+class Monitor:
+    """Watches a trace sample by sample or chunk by chunk, in constant memory; how it is cut changes nothing.
+
+    `Tracker` says where the trace is, deadbands and dwell times included. A violation is what r_or in the
+    variant `stay` punishes, told once where the reward goes on punishing: starting in no phase, leaving all
+    phases (until the trace is back in one), going where no edge leads, leaving a phase too soon, and staying
+    in one too long (until it is left).
+
+        monitor = Monitor(load_behaviour("compass-walking"))
+        for t, x in log:
+            for violation in monitor.feed(t, {"theta_1": x[0], …}):
+                print(violation.sentence)
+        monitor.report().share_in_cycle
+    """
+
+    def __init__(self, behaviour: Behaviour):
+        self.behaviour = behaviour
+        self._tracker = Tracker.of(behaviour)
+        self._edges = _pairs(behaviour, behaviour.edges)
+        self._cycles = [_Cycle(_pairs(behaviour, cycle)) for cycle in behaviour.cycles]
+        self._location = self._tracker.none_yet
+        self._entered = False
+        self._overdue = False
+        self._since = self._start = self._last = math.nan
+        self._samples_at = np.zeros(len(behaviour.phases) + 1, np.int64)
+        self._stays = [Stays() for _ in behaviour.phases]
+        self._violations: dict[Kind, int] = {}
+        self._first: Violation | None = None
+
+    @property
+    def phase(self) -> str | None:
+        """The phase at the last sample; `None` outside and before anything was seen."""
+        return self._name(self._location)
+
+    def feed(self, t: float, values: Mapping[str, float]) -> tuple[Violation, ...]:
+        """Watch one sample, and return what was wrong with it.
+
+        **Arguments:** `t`, its time [s]; `values`, the signals by name, NaN where one is missing; others than
+        the behaviour's are ignored.
+
+        **Raises:** `TraceError` as `feed_rows` does.
+        """
+        here = self._sample(t, values)
+        tolerance = 0.0 if math.isnan(self._last) else CLOCK_TOLERANCE * (t - self._last)
+        target = self._tracker.at(here, self._location)
+        found = []
+        if target != self._location:
+            found = self._move(target, t, tolerance, here)
+        elif (dwell := self._due()) is not None and t - tolerance > self._since + dwell.at_most:
+            found = [self._overstay(t, here)]
+        self._samples_at[target] += 1
+        return self._seen(t, t, found)
+
+    def feed_rows(
+        self, times: Column, values: Mapping[str, Column]
+    ) -> tuple[Int[np.ndarray, " samples"], tuple[Violation, ...]]:
+        """Watch the next samples in a row.
+
+        **Arguments:** `times` [s]; `values`, a column for each signal. A sample with a NaN in one of the
+        behaviour's signals is in no phase.
+
+        **Returns:** the location at each sample, a phase 0 … K−1 or K outside, and the violations in their
+        order.
+
+        **Raises:** `TraceError`, and the samples then count as not seen, if a signal has no column, if a
+        column is not numbers or not as long as `times`, or if times are not finite and increasing.
+        """
+        times, columns = self._columns(times, values)
+        if not len(times):
+            return np.zeros(0, np.int32), ()
+        before = np.concatenate([times[:1] if math.isnan(self._last) else [self._last], times[:-1]])
+        tolerances = CLOCK_TOLERANCE * (times - before)
+        locations = self._tracker.along(columns, self._location)
+        came_from = np.concatenate([[self._location], locations[:-1]])
+        found: list[Violation] = []
+
+        def here(row: int) -> dict[str, float]:
+            return {name: float(column[row]) for name, column in columns.items()}
+
+        row = 0
+        for change in [*np.flatnonzero(locations != came_from).tolist(), len(times)]:
+            if (dwell := self._due()) is not None:
+                # A time less a thousandth of the step to it still increases from row to row.
+                clock = times[row:change] - tolerances[row:change]
+                late = row + int(np.searchsorted(clock, self._since + dwell.at_most, side="right"))
+                if late < change:
+                    found.append(self._overstay(float(times[late]), here(late)))
+            if change < len(times):
+                time, tolerance = float(times[change]), float(tolerances[change])
+                found += self._move(int(locations[change]), time, tolerance, here(change))
+            row = change
+        self._samples_at += np.bincount(locations, minlength=len(self._samples_at))
+        return locations, self._seen(float(times[0]), float(times[-1]), found)
+
+    def report(self) -> Report:
+        """What there is to say about all that was watched so far."""
+        names = self.behaviour.phase_names
+        return Report(
+            behaviour=self.behaviour,
+            samples=int(self._samples_at.sum()),
+            start=None if math.isnan(self._start) else self._start,
+            end=None if math.isnan(self._last) else self._last,
+            samples_in=dict(zip(names, self._samples_at[:-1].tolist(), strict=True)),
+            stays=dict(zip(names, self._stays, strict=True)),
+            cycles=tuple(cycle.completed for cycle in self._cycles),
+            violations=dict(self._violations),
+            first=self._first,
+        )
+
+    def _name(self, location: int) -> str | None:
+        return self.behaviour.phase_names[location] if location < len(self.behaviour.phases) else None
+
+    def _due(self) -> Dwell | None:
+        """The dwell time that says when the trace must have left, unless it was told that it overstays."""
+        dwell = self._dwell()
+        return None if dwell is None or self._overdue or math.isinf(dwell.at_most) else dwell
+
+    def _overstay(self, time: float, here: dict[str, float]) -> Violation:
+        """The trace is still where it should have left."""
+        self._overdue = True
+        return self._violation(Kind.TOO_LONG, self._location, time, here)
+
+    def _move(self, target: int, time: float, tolerance: float, here: dict[str, float]) -> list[Violation]:
+        """The trace goes elsewhere; what is wrong with that."""
+        source, outside, dwell = self._location, self._tracker.classifier.outside, self._dwell()
+        kinds = []
+        if source == self._tracker.none_yet:
+            kinds += [Kind.START_OUTSIDE] if target == outside else []
+        elif target == outside:
+            kinds.append(Kind.LEFT)
+        elif source != outside and (source, target) not in self._edges:
+            kinds.append(Kind.NOT_AN_EDGE)
+        if dwell is not None and self._entered and time - self._since < dwell.at_least - tolerance:
+            kinds.append(Kind.TOO_SHORT)
+        found = [self._violation(kind, target, time, here) for kind in kinds]
+        for cycle in self._cycles:
+            cycle.go((source, target))
+        if self._entered and source != outside:
+            self._stays[source] = self._stays[source].and_one_of(time - self._since)
+        self._entered = source != self._tracker.none_yet
+        self._location, self._since, self._overdue = target, time, False
+        return found
+
+    def _violation(self, kind: Kind, target: int, time: float, here: dict[str, float]) -> Violation:
+        duration = 0.0 if kind is Kind.START_OUTSIDE else time - self._since
+        source = self._name(self._location)
+        return Violation(kind, time, source, self._name(target), duration, here, self.behaviour)
+
+    def _seen(self, first: float, last: float, found: list[Violation]) -> tuple[Violation, ...]:
+        """Keep what is kept of all that was watched."""
+        if math.isnan(self._start):
+            self._start = first
+        self._last = last
+        for violation in found:
+            self._violations[violation.kind] = self._violations.get(violation.kind, 0) + 1
+            self._first = self._first or violation
+        return tuple(found)
+
+    def _dwell(self) -> Dwell | None:
+        return self._tracker.dwells[self._location] if self._location < len(self._stays) else None
+
+    def _sample(self, t: float, values: Mapping[str, float]) -> dict[str, float]:
+        self._require_signals(values)
+        if not math.isfinite(t):
+            raise TraceError(f"sample {self._number(0)}: its time is not a number")
+        if t <= self._last:
+            raise self._backwards(0, self._last, t)
+        here = {name: values[name] for name in self.behaviour.signal_names}
+        for name, value in here.items():
+            try:
+                here[name] = float(value)
+            except (TypeError, ValueError):
+                raise TraceError(f"signal {name} must be a number, but it is {value!r}") from None
+        return here
+
+    def _columns(
+        self, times: Column, values: Mapping[str, Column]
+    ) -> tuple[Float[np.ndarray, " samples"], dict[str, Float[np.ndarray, " samples"]]]:
+        self._require_signals(values)
+        times = _numbers("the time", times)
+        columns = {name: _numbers(f"signal {name}", values[name]) for name in self.behaviour.signal_names}
+        for name, column in columns.items():
+            if column.shape != times.shape:
+                raise TraceError(f"signal {name} has {len(column)} samples, but there are {len(times)} times")
+        if not np.all(np.isfinite(times)):
+            raise TraceError(
+                f"sample {self._number(np.argmin(np.isfinite(times)))}: its time is not a number"
+            )
+        steps = np.diff(times, prepend=-math.inf if math.isnan(self._last) else self._last)
+        if not np.all(steps > 0):
+            row = int(np.argmin(steps > 0))
+            raise self._backwards(row, float(times[row - 1] if row else self._last), float(times[row]))
+        return times, columns
+
+    def _require_signals(self, values: Mapping[str, object]) -> None:
+        for name in self.behaviour.signal_names:
+            if name not in values:
+                raise TraceError(f"signal {name} has no value; {suggestion(name, values)}")
+
+    def _backwards(self, row: int, last: float, time: float) -> TraceError:
+        return TraceError(
+            f"sample {self._number(row)}: the time goes from {seconds(last)} s to {seconds(time)} s; "
+            f"it must increase from sample to sample"
+        )
+
+    def _number(self, row: int | np.integer) -> int:
+        """Counted from 1 over all that was fed."""
+        return int(self._samples_at.sum()) + int(row) + 1
+
+
+class _Cycle:
+    """Counts how often a closed walk was gone along, from whichever of its edges on."""
+
+    def __init__(self, edges: list[tuple[int, int]]):
+        self.edges = edges
+        self.completed = 0
+        self.gone = [0] * len(edges)
+        """For each edge of the walk, how many of its edges in a row end with it just now."""
+
+    def go(self, move: tuple[int, int]) -> None:
+        self.gone = [self.gone[i - 1] + 1 if edge == move else 0 for i, edge in enumerate(self.edges)]
+        if self.gone and max(self.gone) == len(self.edges):
+            self.completed += 1
+            self.gone = [0] * len(self.edges)
+
+
+def _pairs(behaviour: Behaviour, edges: Sequence[Edge]) -> list[tuple[int, int]]:
+    place = behaviour.phase_names.index
+    return [(place(edge.source), place(edge.target)) for edge in edges]
+
+
+def _numbers(what: str, column: Column) -> Float[np.ndarray, " samples"]:
+    try:
+        numbers = np.asarray(column, np.float64)
+    except (TypeError, ValueError):
+        raise TraceError(f"{what} must be numbers, one a sample") from None
+    if numbers.ndim != 1:
+        raise TraceError(f"{what} must be numbers, one a sample, but its shape is {numbers.shape}")
+    return numbers

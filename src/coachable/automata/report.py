@@ -1,0 +1,67 @@
+"""A watched trace in numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from coachable.automata.violation import Kind, Violation
+from coachable.behaviours.behaviour import Behaviour
+
+
+@dataclass(frozen=True)
+class Stays:
+    """How long a trace was in a phase each time [s]; stays whose beginning or end nobody saw do not count."""
+
+    count: int = 0
+    total: float = 0.0
+    shortest: float = math.inf
+    longest: float = 0.0
+
+    @property
+    def mean(self) -> float | None:
+        """`None` without a whole stay."""
+        return self.total / self.count if self.count else None
+
+    def and_one_of(self, duration: float) -> Stays:
+        """With one more stay."""
+        return Stays(
+            self.count + 1,
+            self.total + duration,
+            min(self.shortest, duration),
+            max(self.longest, duration),
+        )
+
+
+@dataclass(frozen=True)
+class Report:
+    """A trace in numbers, up to where it has been watched."""
+
+    behaviour: Behaviour = field(repr=False)
+    samples: int
+    start: float | None
+    """Time of the first sample [s]."""
+    end: float | None
+    """Time of the last one [s]."""
+    samples_in: Mapping[str, int]
+    """How many samples were in each phase."""
+    stays: Mapping[str, Stays]
+    """How long they were, phase by phase."""
+    cycles: tuple[int, ...]
+    """How often each of the behaviour's cycles was completed: all its edges gone along, one after another,
+    from whichever of them on."""
+    violations: Mapping[Kind, int]
+    """How many there were of each kind that there was."""
+    first: Violation | None
+    """The first violation."""
+
+    @property
+    def follows(self) -> bool:
+        """Whether the trace follows the behaviour, without a violation."""
+        return not self.violations
+
+    @property
+    def share_in_cycle(self) -> float | None:
+        """Share of the samples that were in a phase; `None` without samples."""
+        return sum(self.samples_in.values()) / self.samples if self.samples else None

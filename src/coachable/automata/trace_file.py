@@ -1,0 +1,151 @@
+"""Recorded signals from a file, chunk by chunk: CSV, also compressed, and Parquet."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from pyarrow import csv as pa_csv
+
+from coachable.behaviours.predicates import Signal
+from coachable.behaviours.suggestion import suggestion
+from coachable.errors import TraceError
+
+TIME_NAMES = ("t", "time")
+
+_HEADER = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[\s*(?P<unit>[^\[\]]*?)\s*\])?\s*")
+
+_ROWS_OF_PARQUET = 1 << 16
+_BYTES_OF_CSV = 1 << 22
+_LONGEST_HEADER = 1 << 20
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some rows of a trace."""
+
+    times: np.ndarray
+    """[s]"""
+    values: dict[str, np.ndarray]
+    """A column for each signal; NaN where the file has nothing."""
+
+
+def read_trace(path: Path, signals: tuple[Signal, ...], dt: float | None = None) -> Iterator[Chunk]:
+    """The rows of a recorded trace, in chunks of some ten thousand.
+
+    A CSV file has a header; a column is named after its signal, with the unit behind it in brackets or
+    without: `dtheta_1` or `dtheta_1 [rad/s]`. Other columns are not read. The suffix decides: `.parquet`
+    is Parquet, everything else CSV, decompressed where it ends in `.gz`, `.bz2` or `.zst`.
+
+    **Arguments:** `signals`, what to look for; `dt`, the time from row to row [s], which takes the place
+    of the time column, `t` or `time`.
+
+    **Raises:** `TraceError` if the file is not there or damaged, if a column is missing, there twice, in
+    another unit or not of numbers, or if there is no time.
+    """
+    if not path.is_file():
+        raise TraceError(f"{path}: there is no such file")
+    if dt is not None and not 0 < dt < math.inf:
+        raise TraceError(f"dt is {dt!r}; give the time from sample to sample in seconds, greater than zero")
+    try:
+        names = _parquet_names(path) if _is_parquet(path) else _csv_names(path)
+        columns = _columns(path, names, signals, with_time=dt is None)
+        batches = _parquet_batches(path, columns) if _is_parquet(path) else _csv_batches(path, columns)
+        rows = 0
+        for batch in batches:
+            arrays = dict(zip(columns, map(_floats, batch.columns), strict=True))
+            times = arrays.pop("") if dt is None else np.arange(rows, rows + batch.num_rows) * dt
+            rows += batch.num_rows
+            yield Chunk(times, arrays)
+    except (pa.ArrowException, OSError, UnicodeDecodeError, csv.Error) as error:
+        raise TraceError(f"{path}: cannot be read: {_first_line(error)}") from None
+
+
+def _columns(path: Path, names: list[str], signals: tuple[Signal, ...], *, with_time: bool) -> dict[str, str]:
+    """Which column of the file holds which signal; the time's key is the empty name."""
+    found: dict[str, list[tuple[str, str | None]]] = {}
+    for column in names:
+        if header := _HEADER.fullmatch(column):
+            found.setdefault(header["name"], []).append((column, header["unit"]))
+
+    def column_of(what: str, name: str, unit: str) -> str:
+        if len(found[name]) > 1 or Counter(names)[found[name][0][0]] > 1:
+            raise TraceError(f"{path}: there is more than one column {name}")
+        ((column, unit_there),) = found[name]
+        if unit_there is not None and unit and "".join(unit_there.split()) != "".join(unit.split()):
+            raise TraceError(
+                f"{path}: column {name} is in {unit_there}, but {what} is in {unit}; convert the column"
+            )
+        return column
+
+    columns = {}
+    if with_time:
+        times = [name for name in TIME_NAMES if name in found]
+        if not times:
+            raise TraceError(
+                f"{path}: there is no column t or time; say with --dt how many seconds lie between two rows"
+            )
+        columns[""] = column_of("the time", times[0], "s")
+    for signal in signals:
+        if signal.name not in found:
+            raise TraceError(f"{path}: there is no column {signal.name}; {suggestion(signal.name, found)}")
+        columns[signal.name] = column_of("the behaviour's signal", signal.name, signal.unit)
+    return columns
+
+
+def _is_parquet(path: Path) -> bool:
+    return path.suffix.lower() in (".parquet", ".pq")
+
+
+def _parquet_names(path: Path) -> list[str]:
+    return pq.ParquetFile(path).schema_arrow.names
+
+
+def _parquet_batches(path: Path, columns: dict[str, str]) -> Iterator[pa.RecordBatch]:
+    wanted = list(dict.fromkeys(columns.values()))
+    for batch in pq.ParquetFile(path).iter_batches(_ROWS_OF_PARQUET, columns=wanted):
+        yield batch.select(list(columns.values()))
+
+
+def _csv_names(path: Path) -> list[str]:
+    with pa.input_stream(path) as stream:
+        beginning = stream.read(_LONGEST_HEADER).decode("utf-8-sig", errors="surrogateescape")
+    first = next(csv.reader(io.StringIO(beginning)), [])
+    if not first:
+        raise TraceError(f"{path}: the file is empty; its first line must name the columns")
+    if any("\udc80" <= letter <= "\udcff" for name in first for letter in name):
+        raise TraceError(f"{path}: its first line is not text in UTF-8")
+    return first
+
+
+def _csv_batches(path: Path, columns: dict[str, str]) -> Iterator[pa.RecordBatch]:
+    wanted = list(columns.values())
+    with (
+        pa.input_stream(path) as stream,
+        pa_csv.open_csv(
+            stream,
+            read_options=pa_csv.ReadOptions(block_size=_BYTES_OF_CSV, use_threads=False),
+            convert_options=pa_csv.ConvertOptions(
+                include_columns=wanted, column_types=dict.fromkeys(wanted, pa.float64())
+            ),
+        ) as reader,
+    ):
+        yield from reader
+
+
+def _floats(column: pa.Array) -> np.ndarray:
+    """The numbers, NaN where there is none."""
+    return column.cast(pa.float64()).to_numpy(zero_copy_only=False)
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).partition("\n")[0]

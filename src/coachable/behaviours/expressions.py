@@ -1,0 +1,244 @@
+"""Expressions over named signals: numbers, signals, named constants and arithmetic.
+
+An expression is a frozen value. Units are for the reader and the checker: what an expression evaluates to is
+arithmetic on the numbers as they are written, and nothing is converted.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import typing
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import reduce
+from types import MappingProxyType
+
+from coachable.errors import BehaviourError
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number as it is written, with the unit behind it if there is one.
+
+    **Raises:** `BehaviourError` if it is not finite.
+    """
+
+    value: int | float
+    unit: str = ""
+
+    def __post_init__(self):
+        if not math.isfinite(self.value):
+            raise BehaviourError(f"{self.value!r} is not a finite number")
+        # Adding 0.0 turns −0.0 into 0.0: the two mean the same and must print, compare and hash the same.
+        object.__setattr__(self, "value", float(self.value) + 0.0)
+
+    def __str__(self) -> str:
+        return repr(self.value).removesuffix(".0") + (f" [{self.unit}]" if self.unit else "")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """The value of a signal."""
+
+    signal: str
+
+    def __str__(self) -> str:
+        return self.signal
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number with a name, such as `max_lean = 0.3 [rad]`; it prints as its name."""
+
+    name: str
+    number: Number
+    description: str = ""
+
+    def __post_init__(self):
+        if not self.name.isidentifier():
+            raise BehaviourError(
+                f"constant {self.name!r}: a name is made of letters, digits and underscores, no digit first"
+            )
+
+    def __str__(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True)
+class Negative:
+    """`-operand`"""
+
+    operand: Expression
+
+    def __str__(self) -> str:
+        # Parentheses keep −(0.5), an operation, apart from the number −0.5.
+        plain = isinstance(self.operand, Variable | Constant | Call)
+        return f"-{self.operand}" if plain else f"-({self.operand})"
+
+
+@dataclass(frozen=True)
+class Arithmetic:
+    """`left operator right`, with one of + - * /; division by zero gives an infinity or NaN, as in IEEE 754.
+
+    **Raises:** `BehaviourError` for an unknown operator.
+    """
+
+    left: Expression
+    operator: str
+    right: Expression
+
+    def __post_init__(self):
+        if self.operator not in _ARITHMETIC:
+            raise BehaviourError(f"unknown operator {self.operator!r}; use one of {' '.join(_ARITHMETIC)}")
+
+    def __str__(self) -> str:
+        left, right = str(self.left), str(self.right)
+        if isinstance(self.left, Arithmetic) and _rank(self.left) < _rank(self):
+            left = f"({left})"
+        if isinstance(self.right, Arithmetic) and _rank(self.right) <= _rank(self):
+            right = f"({right})"
+        return f"{left} {self.operator} {right}"
+
+
+@dataclass(frozen=True, init=False)
+class Call:
+    """`function(arguments)`: sin, cos and abs of one argument, min and max of two or more.
+
+    **Raises:** `BehaviourError` for an unknown function or the wrong number of arguments.
+    """
+
+    function: str
+    arguments: tuple[Expression, ...]
+
+    def __init__(self, function: str, *arguments: Expression):
+        if function not in FUNCTIONS:
+            raise BehaviourError(f"unknown function {function!r}; use one of {' '.join(FUNCTIONS)}")
+        fewest, most = (2, math.inf) if function in ("min", "max") else (1, 1)
+        if not fewest <= len(arguments) <= most:
+            wanted = "two or more arguments" if fewest == 2 else "one argument"
+            raise BehaviourError(f"{function} takes {wanted}, not {len(arguments)}")
+        object.__setattr__(self, "function", function)
+        object.__setattr__(self, "arguments", arguments)
+
+    def __str__(self) -> str:
+        return f"{self.function}({', '.join(map(str, self.arguments))})"
+
+
+Expression = Number | Variable | Constant | Negative | Arithmetic | Call
+
+
+def _divide(left: typing.Any, right: typing.Any) -> typing.Any:
+    if isinstance(left, float) and isinstance(right, float) and right == 0.0:
+        # Python refuses where IEEE 754, and so every array library, answers.
+        if left == 0.0 or math.isnan(left):
+            return math.nan
+        return math.copysign(math.inf, left) * math.copysign(1.0, right)
+    return left / right
+
+
+_ARITHMETIC: Mapping[str, Callable] = MappingProxyType(
+    {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": _divide}
+)
+
+FUNCTIONS: Mapping[str, str] = MappingProxyType(
+    {"sin": "sin", "cos": "cos", "abs": "abs", "min": "minimum", "max": "maximum"}
+)
+"""What each function is called in NumPy, JAX and torch: the only such table in the library."""
+
+
+class Floats:
+    """The functions on plain floats, under the names that the array libraries give them."""
+
+    @staticmethod
+    def sin(x: float) -> float:
+        return math.sin(x) if math.isfinite(x) else math.nan
+
+    @staticmethod
+    def cos(x: float) -> float:
+        return math.cos(x) if math.isfinite(x) else math.nan
+
+    @staticmethod
+    def abs(x: float) -> float:
+        return abs(x)
+
+    @staticmethod
+    def minimum(x: float, y: float) -> float:
+        return math.nan if math.isnan(x) or math.isnan(y) else min(x, y)
+
+    @staticmethod
+    def maximum(x: float, y: float) -> float:
+        return math.nan if math.isnan(x) or math.isnan(y) else max(x, y)
+
+
+def evaluate(
+    expression: Expression, values: Mapping[str, typing.Any], functions: typing.Any = Floats
+) -> typing.Any:
+    """The value of an expression at the given signal values.
+
+    **Arguments:** `values`: floats, or arrays of any one library; `functions`: where that library keeps
+    the functions of `FUNCTIONS`: `numpy`, `jax.numpy`, `torch`; for plain floats it can be left out.
+
+    **Raises:** `KeyError` for a signal without a value.
+    """
+    match expression:
+        case Number(value):
+            return value
+        case Constant(number=number):
+            return number.value
+        case Variable(signal):
+            return values[signal]
+        case Negative(operand):
+            return -evaluate(operand, values, functions)
+        case Arithmetic(left, symbol, right):
+            return _ARITHMETIC[symbol](evaluate(left, values, functions), evaluate(right, values, functions))
+        case Call(function, arguments):
+            operands = [evaluate(argument, values, functions) for argument in arguments]
+            # What is made of numbers alone is a number, the same one whatever library the signals are in.
+            numbers = all(type(operand) is float for operand in operands)
+            apply = getattr(Floats if numbers else functions, FUNCTIONS[function])
+            return reduce(apply, operands) if len(operands) > 1 else apply(*operands)
+
+
+def subexpressions(expression: Expression) -> Iterator[Expression]:
+    """The expression and all that it is made of, from the outside in, from left to right."""
+    yield expression
+    match expression:
+        case Negative(operand):
+            yield from subexpressions(operand)
+        case Arithmetic(left, _, right):
+            yield from subexpressions(left)
+            yield from subexpressions(right)
+        case Call(arguments=arguments):
+            for argument in arguments:
+                yield from subexpressions(argument)
+
+
+def rewritten(
+    expression: Expression, change: Callable[[Number | Variable | Constant], Expression]
+) -> Expression:
+    """The expression with every number, signal and constant in it replaced by what `change` makes of it."""
+    match expression:
+        case Negative(operand):
+            return Negative(rewritten(operand, change))
+        case Arithmetic(left, symbol, right):
+            return Arithmetic(rewritten(left, change), symbol, rewritten(right, change))
+        case Call(function, arguments):
+            return Call(function, *(rewritten(argument, change) for argument in arguments))
+        case _:
+            return change(expression)
+
+
+def expression_of(value: Expression | str | int | float) -> Expression:
+    """A name as a `Variable`, a number as a `Number`, an expression as it is."""
+    match value:
+        case str():
+            return Variable(value)
+        case int() | float():
+            return Number(value)
+        case _:
+            return value
+
+
+def _rank(expression: Arithmetic) -> int:
+    return 1 if expression.operator in "+-" else 2
