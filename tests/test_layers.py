@@ -38,6 +38,8 @@ READERS_MAY_USE = (
     "coachable.studies.store",
 )
 
+LANGUAGE = {"lark", "z3"}
+"""What a description is read and checked with, and all that it needs."""
 ONLY_IN_SB3 = {"stable_baselines3", "torch"}
 UNSAFE = {"pickle", "cPickle", "cloudpickle", "dill", "marshal", "shelve"}
 LONGEST_FILE = 500
@@ -87,7 +89,7 @@ def violations(module: str, source: str) -> list[str]:
             found.append(f"{module} imports {top}, which only coachable.learning.sb3 may")
         if top in UNSAFE:
             found.append(f"{module} imports {top}")
-        if room in {"behaviours", "errors"} and top not in {"coachable", *sys.stdlib_module_names}:
+        if room in {"behaviours", "errors"} and top not in {"coachable", *LANGUAGE, *sys.stdlib_module_names}:
             found.append(f"{module} imports {top}, but descriptions are pure Python")
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):

@@ -13,6 +13,10 @@ class BehaviourError(CoachableError):
     """A behaviour description contradicts itself or does not exist; the message names the culprit."""
 
 
+class BehaviourTextError(BehaviourError):
+    """A text that is no behaviour; the message shows every mistake in its place."""
+
+
 class TraceError(CoachableError):
     """A recorded trace cannot be read or watched; the message names the column or the sample."""
 

@@ -55,7 +55,8 @@ def pretty_expression(expression: Expression) -> str:
         case Arithmetic(left, "/", right):
             return f"{_factor(left)} / {_factor(right)}"
         case Arithmetic(left, "-", right):
-            return f"{pretty_expression(left)} − {_factor(right) if _is_sum(right) else pretty_expression(right)}"
+            subtrahend = _factor(right) if _is_sum(right) else pretty_expression(right)
+            return f"{pretty_expression(left)} − {subtrahend}"
         case Arithmetic(left, symbol, right):
             return f"{pretty_expression(left)} {symbol} {pretty_expression(right)}"
         case Call("abs", (argument,)):

@@ -6,10 +6,19 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from coachable.behaviours.expressions import Constant, Expression
-from coachable.behaviours.predicates import Phrase, Predicate, Signal, holds, signals_of
+from coachable.behaviours.expressions import Constant, Expression, Variable, subexpressions
+from coachable.behaviours.predicates import (
+    Phrase,
+    Predicate,
+    Signal,
+    constants_of,
+    holds,
+    phrases_of,
+    signals_of,
+    unwrapped,
+)
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import BehaviourError
 
@@ -18,7 +27,7 @@ from coachable.errors import BehaviourError
 class Dwell:
     """How long a phase lasts: no less than `at_least` and no more than `at_most` [s].
 
-    **Raises:** `BehaviourError` for a time that is negative or not a number.
+    **Raises:** `BehaviourError` for a time that is negative or not a number, or an infinite `at_least`.
     """
 
     at_least: int | float = 0.0
@@ -30,6 +39,8 @@ class Dwell:
             if not value >= 0:
                 raise BehaviourError(f"a dwell time of {value!r} s; it must not be negative")
             object.__setattr__(self, field, value)
+        if math.isinf(self.at_least):
+            raise BehaviourError("a phase that must last for ever could never be left")
 
 
 @dataclass(frozen=True)
@@ -84,11 +95,12 @@ class Behaviour:
     that it is meant to be there.
 
     `cycles` are closed walks along the edges: having gone through one is a cycle completed. `constants` and
-    `vocabulary` are what the predicates were written in, and what is left unused of it.
+    `vocabulary` are what the predicates are written in, and what is left unused of it; what is missing there
+    is added. An `All` or `Any` of a single part is replaced by the part, for no text tells them apart.
 
     **Raises:** `BehaviourError`, naming the culprit, if there is no phase, if a name is empty or given
-    twice, if a predicate reads an undeclared signal, if an edge is given twice or joins an unknown
-    phase, or if a cycle takes what is not an edge or does not close.
+    twice, if a phrase or a constant has two meanings, if a predicate reads an undeclared signal, if an edge
+    is given twice or joins an unknown phase, or if a cycle takes what is not an edge or does not close.
     """
 
     name: str
@@ -105,6 +117,7 @@ class Behaviour:
         for field in ("signals", "phases", "edges", "constants", "vocabulary"):
             object.__setattr__(self, field, tuple(getattr(self, field)))
         object.__setattr__(self, "cycles", tuple(map(tuple, self.cycles)))
+        self._complete()
         with located(f"behaviour {self.name!r}"):
             if not self.phases:
                 raise BehaviourError("it has no phases; give at least one")
@@ -131,11 +144,36 @@ class Behaviour:
                 for end in (edge.source, edge.target):
                     _require_known(f"edge {edge}: unknown phase", end, self.phase_names)
                 for assignment in edge.reset:
-                    _require_known(f"edge {edge}: unknown signal", assignment.signal, self.signal_names)
+                    nodes = subexpressions(assignment.expression)
+                    read = [node.signal for node in nodes if isinstance(node, Variable)]
+                    for signal in (assignment.signal, *read):
+                        _require_known(f"edge {edge}: unknown signal", signal, self.signal_names)
             for cycle in self.cycles:
                 self._require_closed(cycle)
 
+    def _complete(self) -> None:
+        """Bring predicates into the form that their text has, and collect what they are written in."""
+        phases = tuple(replace(phase, predicate=unwrapped(phase.predicate)) for phase in self.phases)
+        given = (replace(phrase, predicate=unwrapped(phrase.predicate)) for phrase in self.vocabulary)
+        used = (phrase for phase in phases for phrase in phrases_of(phase.predicate))
+        vocabulary = dict.fromkeys(given)
+        vocabulary |= dict.fromkeys(inner for phrase in (*vocabulary, *used) for inner in phrases_of(phrase))
+        constants = dict.fromkeys(self.constants)
+        for phrase in vocabulary:
+            constants |= dict.fromkeys(constants_of(phrase.predicate))
+        for phase in phases:
+            constants |= dict.fromkeys(constants_of(phase.predicate))
+        for edge in self.edges:
+            for assignment in edge.reset:
+                nodes = subexpressions(assignment.expression)
+                constants |= dict.fromkeys(node for node in nodes if isinstance(node, Constant))
+        object.__setattr__(self, "phases", phases)
+        object.__setattr__(self, "vocabulary", tuple(vocabulary))
+        object.__setattr__(self, "constants", tuple(constants))
+
     def _require_closed(self, cycle: tuple[Edge, ...]) -> None:
+        if not cycle:
+            raise BehaviourError("a cycle has no edges")
         for edge, following in zip(cycle, (*cycle[1:], *cycle[:1]), strict=True):
             if edge not in self.edges:
                 raise BehaviourError(f"a cycle takes {edge}, which is not an edge")

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import reduce
 from types import MappingProxyType
 
+from coachable.behaviours.names import flaw_of_name, flaw_of_unit
 from coachable.errors import BehaviourError
 
 
@@ -21,13 +22,15 @@ from coachable.errors import BehaviourError
 class Number:
     """A number as it is written, with the unit behind it if there is one.
 
-    **Raises:** `BehaviourError` if it is not finite.
+    **Raises:** `BehaviourError` if it is not finite, or if its unit cannot be written in brackets.
     """
 
     value: int | float
     unit: str = ""
 
     def __post_init__(self):
+        if flaw := flaw_of_unit(self.unit):
+            raise BehaviourError(f"unit {self.unit!r}: {flaw}")
         if not math.isfinite(self.value):
             raise BehaviourError(f"{self.value!r} is not a finite number")
         # Adding 0.0 turns −0.0 into 0.0: the two mean the same and must print, compare and hash the same.
@@ -49,17 +52,18 @@ class Variable:
 
 @dataclass(frozen=True)
 class Constant:
-    """A number with a name, such as `max_lean = 0.3 [rad]`; it prints as its name."""
+    """A number with a name, such as `max_lean = 0.3 [rad]`; it prints as its name.
+
+    **Raises:** `BehaviourError` for a name that could not be written in an expression.
+    """
 
     name: str
     number: Number
     description: str = ""
 
     def __post_init__(self):
-        if not self.name.isidentifier():
-            raise BehaviourError(
-                f"constant {self.name!r}: a name is made of letters, digits and underscores, no digit first"
-            )
+        if flaw := flaw_of_name(self.name):
+            raise BehaviourError(f"constant {self.name!r}: {flaw}")
 
     def __str__(self) -> str:
         return self.name
@@ -67,7 +71,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class Negative:
-    """`-operand`"""
+    """The negative of its operand."""
 
     operand: Expression
 
@@ -152,22 +156,27 @@ class Floats:
 
     @staticmethod
     def sin(x: float) -> float:
+        """Sine of x [rad]; NaN at an infinity."""
         return math.sin(x) if math.isfinite(x) else math.nan
 
     @staticmethod
     def cos(x: float) -> float:
+        """Cosine of x [rad]; NaN at an infinity."""
         return math.cos(x) if math.isfinite(x) else math.nan
 
     @staticmethod
     def abs(x: float) -> float:
+        """|x|."""
         return abs(x)
 
     @staticmethod
     def minimum(x: float, y: float) -> float:
+        """The lesser of two numbers; NaN if either is."""
         return math.nan if math.isnan(x) or math.isnan(y) else min(x, y)
 
     @staticmethod
     def maximum(x: float, y: float) -> float:
+        """The greater of two numbers; NaN if either is."""
         return math.nan if math.isnan(x) or math.isnan(y) else max(x, y)
 
 

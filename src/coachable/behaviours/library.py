@@ -1,97 +1,65 @@
-"""The behaviours that ship: the ideal walking cycle of the paper, as printed and as its code reads it."""
+"""The behaviours that ship: ideal walking as the paper prints it and as its code reads it, and others."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 
-from coachable.behaviours.behaviour import Behaviour, Edge, Phase, located
-from coachable.behaviours.predicates import All, Comparison, Signal
+from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import BehaviourError
 
-_COMPASS_STATE = (
-    Signal(
-        "theta_1", "rad", "angle of the stance leg from upright; positive while the hip is behind the foot"
-    ),
-    Signal(
-        "theta_2", "rad", "angle of the swing leg from upright; positive while its foot is ahead of the hip"
-    ),
-    Signal("dtheta_1", "rad/s", "angular velocity of the stance leg; negative while the hip moves forward"),
-    Signal("dtheta_2", "rad/s", "angular velocity of the swing leg; positive while it swings forward"),
+LIBRARY = Path(__file__).parent / "library"
+"""Where they lie."""
+
+SHIPPED = (
+    "compass-walking",
+    "compass-walking-five-phases",
+    "compass-walking-released",
+    "hop",
+    "perry-gait",
+    "squat-and-stand",
 )
-
-
-def _ideal_walking(name: str, description: str, negative: str) -> Behaviour:
-    """The four orthants of the paper's figure 3, each a sign for every coordinate of the state, in a cycle.
-
-    `negative` is the relation that a − stands for, which is all that the paper and its code disagree in.
-    """
-
-    def orthant(signs: str) -> All:
-        relations: Mapping[str, str] = {"+": ">", "-": negative}
-        return All(
-            *(
-                Comparison(signal.name, relations[sign], 0.0)
-                for signal, sign in zip(_COMPASS_STATE, signs, strict=True)
-            )
-        )
-
-    return Behaviour(
-        name=name,
-        description=description,
-        signals=_COMPASS_STATE,
-        phases=(
-            Phase("O1", "swing leg behind the hip", orthant("+--+")),
-            Phase("O2", "swing leg ahead of the hip", orthant("++-+")),
-            Phase("O3", "hip ahead of the stance foot", orthant("-+-+")),
-            Phase("O4", "swing leg comes back", orthant("-+--")),
-        ),
-        edges=(Edge("O1", "O2"), Edge("O2", "O3"), Edge("O3", "O4"), Edge("O4", "O1", event="touchdown")),
-    )
-
-
-SHIPPED: Mapping[str, Behaviour] = MappingProxyType(
-    {
-        behaviour.name: behaviour
-        for behaviour in (
-            _ideal_walking(
-                "compass-walking",
-                "Ideal walking of the compass walker: eqs. (7) to (13) of Harnack et al., CDC 2023.",
-                negative="<=",
-            ),
-            _ideal_walking(
-                "compass-walking-released",
-                "Ideal walking as in the code of Harnack et al., CDC 2023: a zero is in no phase.",
-                negative="<",
-            ),
-        )
-    }
-)
+"""Their names."""
 
 
 def load_behaviour(name_or_path: str | Path) -> Behaviour:
     """A shipped behaviour by its name, or one from a file by its path.
 
-    **Arguments:** `name_or_path`: `"compass-walking"`, `"compass-walking-released"`, or a file that
-    `Behaviour.to_json` wrote.
+    **Arguments:** `name_or_path`: `"compass-walking"` or another of `SHIPPED`, or a file in the language that
+    docs/language.md describes.
 
-    **Raises:** `BehaviourError` for a name that is neither, with the nearest one that is, or a file that
-    cannot be read, saying where.
+    **Raises:** `BehaviourError` for a name that is neither, with the nearest one that is, and for a file that
+    cannot be read or has mistakes in it, showing each in its place.
     """
-    if name_or_path in SHIPPED:
-        return SHIPPED[str(name_or_path)]
+    if str(name_or_path) in SHIPPED:
+        return _shipped(str(name_or_path))
+    return _read(find_behaviour(name_or_path))
+
+
+def find_behaviour(name_or_path: str | Path) -> Path:
+    """The file of a shipped behaviour, or the one at a path.
+
+    **Raises:** `BehaviourError` for a name that is neither, with the nearest one that is.
+    """
+    if str(name_or_path) in SHIPPED:
+        return LIBRARY / f"{name_or_path}.behaviour"
     path = Path(name_or_path)
-    if not path.is_file():
+    if "\0" in str(path) or not path.is_file():
         raise BehaviourError(
             f"{str(name_or_path)!r} is neither a behaviour that ships nor a file; "
             + suggestion(str(name_or_path), SHIPPED)
         )
-    with located(str(path)):
-        try:
-            from coachable.behaviours.parser import parse
+    return path
 
-            return parse(path.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError) as error:
-            raise BehaviourError(f"cannot be read as text: {error}") from None
+
+@cache
+def _shipped(name: str) -> Behaviour:
+    return _read(find_behaviour(name))
+
+
+def _read(path: Path) -> Behaviour:
+    # Only who reads a text needs the parser, and loading it takes a moment.
+    from coachable.behaviours.document import read_document
+
+    return read_document(path).behaviour

@@ -25,6 +25,7 @@ from coachable.behaviours.expressions import (
     rewritten,
     subexpressions,
 )
+from coachable.behaviours.names import flaw_of_name, flaw_of_unit, flaw_of_word
 from coachable.errors import BehaviourError
 
 OPERATORS: Mapping[str, Callable] = MappingProxyType(
@@ -43,8 +44,8 @@ class Signal:
     **Arguments:** `name`, a Python identifier; `unit`, such as `"rad/s"`; `description`, one line;
     `derivative_of`, the name of the signal whose derivative in time this one is, if it is one.
 
-    **Raises:** `BehaviourError` if the name is not an identifier:
-    it could not be written in a predicate.
+    **Raises:** `BehaviourError` for a name that could not be written in a predicate, or a unit that could not
+    be written in brackets.
     """
 
     name: str
@@ -53,10 +54,8 @@ class Signal:
     derivative_of: str | None = None
 
     def __post_init__(self):
-        if not self.name.isidentifier():
-            raise BehaviourError(
-                f"signal {self.name!r}: a name is made of letters, digits and underscores, no digit first"
-            )
+        if flaw := flaw_of_name(self.name) or flaw_of_unit(self.unit):
+            raise BehaviourError(f"signal {self.name!r}: {flaw}")
 
     def __str__(self) -> str:
         return self.name
@@ -168,7 +167,8 @@ class Near:
 class Phrase:
     """A predicate under the words that a coach has for it; it prints as the words.
 
-    **Raises:** `BehaviourError` if `words` are not words with single spaces between them.
+    **Raises:** `BehaviourError` if `words` are not words with single spaces between them, or one of them is a
+    word of the language, such as `and`.
     """
 
     words: str
@@ -177,6 +177,9 @@ class Phrase:
     def __post_init__(self):
         if not self.words or self.words != " ".join(self.words.split()):
             raise BehaviourError(f"phrase {self.words!r}: write words with single spaces between them")
+        for word in self.words.split(" "):
+            if flaw := flaw_of_word(word):
+                raise BehaviourError(f"phrase {self.words!r}: {flaw}")
 
     def __str__(self) -> str:
         return self.words
@@ -264,6 +267,33 @@ def holds(
             return holds(part, values, functions) ^ True
 
 
+def unwrapped(predicate: Predicate) -> Predicate:
+    """The same predicate without `All` or `Any` around a single part, which no text tells from the part."""
+    match predicate:
+        case All(parts=(part,)) | Any(parts=(part,)):
+            return unwrapped(part)
+        case All(parts=parts) | Any(parts=parts):
+            return type(predicate)(*map(unwrapped, parts))
+        case Not(part):
+            return Not(unwrapped(part))
+        case Phrase(words, inner):
+            return Phrase(words, unwrapped(inner))
+        case _:
+            return predicate
+
+
+def constants_of(predicate: Predicate) -> tuple[Constant, ...]:
+    """The named constants in a predicate, each once, in the order of their first appearance."""
+    nodes = (node for expression in expressions_of(predicate) for node in subexpressions(expression))
+    return tuple(dict.fromkeys(node for node in nodes if isinstance(node, Constant)))
+
+
+def phrases_of(predicate: Predicate) -> tuple[Phrase, ...]:
+    """The phrases in a predicate, each once, every one after those that it is made of."""
+    phrases = [part for part in subpredicates(predicate) if isinstance(part, Phrase)]
+    return tuple(dict.fromkeys(reversed(phrases)))
+
+
 def comparisons_of(predicate: Comparison | Between | Near) -> tuple[Comparison, ...]:
     """The comparisons that hold together where the predicate does."""
     match predicate:
@@ -321,7 +351,7 @@ def _shifted(predicate: Predicate, outwards: bool) -> Predicate:
 
 
 def conjuncts(predicate: Predicate) -> tuple[Predicate, ...]:
-    """The parts that must all hold, in their order: phrases and ranges spelt out, negations pushed inwards."""
+    """The parts that must all hold, in their order; phrases and ranges spelt out, negations inwards."""
     match expanded(predicate):
         case All(parts=parts):
             return tuple(dict.fromkeys(inner for part in parts for inner in conjuncts(part)))
@@ -364,10 +394,11 @@ def signals_of(predicate: Predicate) -> tuple[str, ...]:
 def normal_form(predicate: Predicate) -> Predicate:
     """An equivalent predicate that does not depend on the order, nesting or repetition of its parts.
 
-    Phrases, ranges and named constants are spelt out, units dropped, negations are pushed into the comparisons (`not (x > 0)` becomes
-    `x <= 0`, which is the same for every number but NaN), a number on the left goes to the right, nested
-    conjunctions and disjunctions are flattened, and parts are sorted and kept once. Equal normal forms mean
-    equal predicates; the converse does not hold, for that is a question for a solver.
+    Phrases, ranges and named constants are spelt out, units dropped, negations are pushed into the
+    comparisons (`not (x > 0)` becomes `x <= 0`, which is the same for every number but NaN), a number on the
+    left goes to the right, nested conjunctions and disjunctions are flattened, and parts are sorted and kept
+    once. Equal normal forms mean equal predicates; the converse does not hold, for that is a question for a
+    solver.
     """
     return _sorted(expanded(predicate))
 

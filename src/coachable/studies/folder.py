@@ -13,6 +13,7 @@ import pyarrow as pa
 
 from coachable.automata.draw import automaton_svg
 from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.printer import to_text
 from coachable.errors import RunFolderError
 from coachable.rewards.reward_hash import reward_hash
 from coachable.studies.columns import FORMAT_VERSION, SCHEMAS
@@ -72,7 +73,7 @@ class RunFolder:
         )
         folder.make_folders()
         folder.write("plan.toml", study.to_toml())
-        folder.write("behaviour.behaviour", behaviour.to_json())
+        folder.write("behaviour.behaviour", to_text(behaviour))
         folder.write("automaton.svg", automaton_svg(behaviour))
         folder.write_manifest()
         return folder

@@ -15,6 +15,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load
 
 from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.parser import parse
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import BehaviourError, PlanError, RunFolderError
 from coachable.studies.columns import FORMAT_VERSION, SCHEMAS
@@ -74,7 +75,7 @@ class Run:
         behaviour_text = _text(path / "behaviour.behaviour", hashes.get("behaviour.behaviour"))
         try:
             plan = parse_plan(plan_text, str(path / "plan.toml"))
-            behaviour = Behaviour.from_json(behaviour_text)
+            behaviour = parse(behaviour_text)
         except PlanError as error:
             raise RunFolderError(f"{path / 'plan.toml'} is damaged: {error}") from None
         except BehaviourError as error:

@@ -1,0 +1,91 @@
+"""Left for right: the words of a mirror swapped in everything that a text names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from coachable.behaviours.behaviour import Assignment, Edge
+from coachable.behaviours.expressions import Constant, Expression, Number, Variable, rewritten
+from coachable.behaviours.predicates import All, Any, Between, Comparison, Near, Not, Phrase, Predicate
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """What swaps: `{"left": "right", "right": "left"}`, and the same with capitals. Twice is the identity."""
+
+    words: Mapping[str, str]
+
+    @staticmethod
+    def of(pairs: Iterable[tuple[str, str]]) -> Mirror:
+        """The mirror that swaps the words of each pair."""
+        words: dict[str, str] = {}
+        for left, right in pairs:
+            for change in (str, str.capitalize, str.upper):
+                words |= {change(left): change(right), change(right): change(left)}
+        return Mirror(MappingProxyType(words))
+
+    def text(self, text: str) -> str:
+        """The text with whole words swapped; an underscore or a hyphen ends a word, as in `left_knee`."""
+        either = "|".join(map(re.escape, self.words))
+        return re.sub(rf"(?<![^\W_])(?:{either})(?![^\W_])", lambda match: self.words[match.group()], text)
+
+    def constant(self, constant: Constant) -> Constant:
+        """The constant under its mirrored name; one whose name stays is the same on both sides."""
+        name = self.text(constant.name)
+        return (
+            constant
+            if name == constant.name
+            else Constant(name, constant.number, self.text(constant.description))
+        )
+
+    def expression(self, expression: Expression, constants: Mapping[str, Constant]) -> Expression:
+        """The expression of the other side; `constants` are those that have a value of their own."""
+
+        def change(leaf: Number | Variable | Constant) -> Expression:
+            match leaf:
+                case Variable(name):
+                    return Variable(self.text(name))
+                case Constant(name):
+                    return constants.get(self.text(name)) or self.constant(leaf)
+                case _:
+                    return leaf
+
+        return rewritten(expression, change)
+
+    def predicate(
+        self,
+        predicate: Predicate,
+        constants: Mapping[str, Constant],
+        phrase: Callable[[Phrase], Phrase],
+    ) -> Predicate:
+        """The predicate of the other side; `phrase` gives a phrase's mirror image."""
+        match predicate:
+            case Comparison(left, relation, right, deadband):
+                return Comparison(
+                    self.expression(left, constants), relation, self.expression(right, constants), deadband
+                )
+            case Between(low, low_relation, middle, high_relation, high, deadband):
+                ends = [self.expression(part, constants) for part in (low, middle, high)]
+                return Between(ends[0], low_relation, ends[1], high_relation, ends[2], deadband)
+            case Near(value, target, tolerance):
+                return Near(*(self.expression(part, constants) for part in (value, target, tolerance)))
+            case Phrase():
+                return phrase(predicate)
+            case Not(part):
+                return Not(self.predicate(part, constants, phrase))
+            case All(parts=parts) | Any(parts=parts):
+                return type(predicate)(*(self.predicate(part, constants, phrase) for part in parts))
+
+    def edge(self, edge: Edge, constants: Mapping[str, Constant]) -> Edge:
+        """The edge of the other side."""
+        return Edge(
+            self.text(edge.source),
+            self.text(edge.target),
+            None if edge.event is None else self.text(edge.event),
+            tuple(
+                Assignment(self.text(a.signal), self.expression(a.expression, constants)) for a in edge.reset
+            ),
+        )
