@@ -262,6 +262,35 @@ def explain(
         sys.exit(1)
 
 
+def check(
+    file: Annotated[Positional[Path], arg(metavar="FILE", help="A description, NAME.behaviour.")],
+    json: Annotated[bool, arg(help="Print JSON; docs/findings.md tells its fields.")] = False,
+    strict: Annotated[bool, arg(help="Fail on warnings, too.")] = False,
+) -> None:
+    """Tell what a description says that was not meant, each with a state that shows it.
+
+    Exits 0 if there are no errors, 1 if there are, 2 if the file cannot be read. For example:
+
+        coachable check walking.behaviour
+        coachable check walking.behaviour --strict
+        coachable check walking.behaviour --json
+    """
+    from rich.console import Console
+
+    from coachable.behaviours.check_report import print_report, to_json
+    from coachable.behaviours.checker import check as find
+    from coachable.behaviours.document import read_document
+
+    document = read_document(file)
+    report = find(document.behaviour)
+    if json:
+        print(_json(to_json(report, document.behaviour, str(file), document.line_of)))
+    else:
+        print_report(report, document.behaviour, str(file), document.line_of, Console(highlight=False))
+    if not report.passes(strict):
+        sys.exit(1)
+
+
 def cite() -> None:
     """Print what to cite, as BibTeX.
 
@@ -280,6 +309,7 @@ COMMANDS = {
     "watch": watch,
     "baseline": baseline,
     "explain": explain,
+    "check": check,
     "cite": cite,
 }
 

@@ -1,7 +1,7 @@
 import subprocess
 import sys
 
-FORBIDDEN = ("numpy", "jax", "equinox", "scipy", "torch")
+FORBIDDEN = ("numpy", "jax", "equinox", "scipy", "torch", "z3", "rich")
 
 
 def test_describing_a_behaviour_needs_neither_numpy_nor_jax():

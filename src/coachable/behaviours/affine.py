@@ -1,0 +1,106 @@
+"""Sums of multiples of signals: the expressions whose comparisons cut a space along planes."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from fractions import Fraction
+
+from coachable.behaviours.expressions import (
+    Arithmetic,
+    Call,
+    Constant,
+    Expression,
+    Negative,
+    Number,
+    Variable,
+    evaluate,
+    subexpressions,
+)
+from coachable.behaviours.predicates import Comparison
+
+Affine = tuple[dict[str, Fraction], Fraction]
+"""Signal → its multiple, and the number that is added."""
+
+
+def decimal(value: float) -> Fraction:
+    """The number that was written, not the float beside it: 0.1 is one tenth."""
+    return Fraction(repr(value))
+
+
+def nearest_float(fraction: Fraction) -> float:
+    """The nearest float; for what is beyond them all, the last one."""
+    try:
+        return float(fraction)
+    except OverflowError:
+        return math.copysign(sys.float_info.max, fraction)
+
+
+def is_affine(expression: Expression) -> bool:
+    """Whether an expression is a sum of multiples of signals and a number, by the way it is written."""
+    match expression:
+        case Number() | Constant() | Variable():
+            return True
+        case Negative(operand):
+            return is_affine(operand)
+        case Arithmetic(left, "+" | "-", right):
+            return is_affine(left) and is_affine(right)
+        case Arithmetic(left, "*", right):
+            return is_affine(left) and is_affine(right) and (_is_number(left) or _is_number(right))
+        case Arithmetic(left, _, right):
+            return is_affine(left) and _is_number(right) and evaluate(right, {}) != 0.0
+        case _:
+            return False
+
+
+def _is_number(expression: Expression) -> bool:
+    return not any(isinstance(node, Variable | Call) for node in subexpressions(expression))
+
+
+def affine(expression: Expression) -> Affine:
+    """The multiples of signals and the number whose sum an affine expression is."""
+    match expression:
+        case Number(value) | Constant(number=Number(value)):
+            return {}, decimal(value)
+        case Variable(signal):
+            return {signal: Fraction(1)}, Fraction(0)
+        case Negative(operand):
+            return _scaled(affine(operand), Fraction(-1))
+        case Arithmetic(left, "*", right):
+            one, other = affine(left), affine(right)
+            return _scaled(one, other[1]) if not other[0] else _scaled(other, one[1])
+        case Arithmetic(left, "/", right):
+            divisor = affine(right)[1]
+            return _scaled(affine(left), 1 / divisor if divisor else Fraction(0))
+        case Arithmetic(left, symbol, right):
+            one, other = affine(left), _scaled(affine(right), Fraction(1 if symbol == "+" else -1))
+            names = {*one[0], *other[0]}
+            multiples = {
+                name: one[0].get(name, Fraction(0)) + other[0].get(name, Fraction(0)) for name in names
+            }
+            return multiples, one[1] + other[1]
+        case other:
+            raise TypeError(f"{other} is not affine")
+
+
+def _scaled(
+    terms: tuple[dict[str, Fraction], Fraction], by: Fraction
+) -> tuple[dict[str, Fraction], Fraction]:
+    return {signal: by * multiple for signal, multiple in terms[0].items()}, by * terms[1]
+
+
+def cut_of(comparison: Comparison, signals: Sequence[str]) -> tuple[object, bool]:
+    """A name for the cut that a comparison makes, equal for `x > 0`, `0 >= x` and `2 * x > 0`; and its side.
+
+    The cut is `sum of multiples of signals > number` or the same with `>=`, the first multiple being 1, and
+    `x <= 0` is the other side of `x > 0`.
+    """
+    multiples, number = affine(Arithmetic(comparison.left, "-", comparison.right))
+    ordered = [(signal, multiples[signal]) for signal in signals if multiples.get(signal)]
+    scale = ordered[0][1] if ordered else Fraction(1)
+    upwards = (comparison.relation in (">", ">=")) == (scale > 0)
+    plane = (tuple((signal, multiple / scale) for signal, multiple in ordered), number / scale)
+    # The plane itself is on one of its sides: > and <= leave it below, >= and < above.
+    plane_is_below = (comparison.relation in (">", "<")) == upwards
+    return (plane, plane_is_below), upwards

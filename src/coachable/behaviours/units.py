@@ -1,0 +1,139 @@
+"""Units: what `rad/s` or `N*m` is made of, and whether two units are the same.
+
+Nothing is ever converted. A word that is not known is a unit of its own, equal only to itself.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from types import MappingProxyType
+
+from coachable.errors import BehaviourError
+
+_KNOWN: Mapping[str, tuple[float, Mapping[str, int]]] = MappingProxyType(
+    {
+        "1": (1.0, {}),
+        "%": (0.01, {}),
+        "rad": (1.0, {"rad": 1}),
+        "deg": (math.pi / 180, {"rad": 1}),
+        "°": (math.pi / 180, {"rad": 1}),
+        "rev": (2 * math.pi, {"rad": 1}),
+        "m": (1.0, {"m": 1}),
+        "km": (1e3, {"m": 1}),
+        "cm": (1e-2, {"m": 1}),
+        "mm": (1e-3, {"m": 1}),
+        "s": (1.0, {"s": 1}),
+        "ms": (1e-3, {"s": 1}),
+        "min": (60.0, {"s": 1}),
+        "h": (3600.0, {"s": 1}),
+        "Hz": (1.0, {"s": -1}),
+        "kg": (1.0, {"kg": 1}),
+        "g": (1e-3, {"kg": 1}),
+        "A": (1.0, {"A": 1}),
+        "K": (1.0, {"K": 1}),
+        "N": (1.0, {"kg": 1, "m": 1, "s": -2}),
+        "kN": (1e3, {"kg": 1, "m": 1, "s": -2}),
+        "J": (1.0, {"kg": 1, "m": 2, "s": -2}),
+        "W": (1.0, {"kg": 1, "m": 2, "s": -3}),
+        "Pa": (1.0, {"kg": 1, "m": -1, "s": -2}),
+        "V": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -1}),
+    }
+)
+_FACTOR = re.compile(r"([^\s*·/^\d()][^\s*·/^()]*|1)(?:(?:\^|\*\*)([+-]?\d{1,3}))?")
+_BETWEEN = re.compile(r"\s*(?:[*·/](?!\*)|\s)\s*")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """`scale` times a product of powers of base units; `powers` are sorted and hold no zeros."""
+
+    scale: float = 1.0
+    powers: tuple[tuple[str, int], ...] = ()
+
+    def times(self, other: Unit, power: int = 1) -> Unit:
+        """The unit of a product; with `power=-1` of a quotient."""
+        powers = dict(self.powers)
+        for base, exponent in other.powers:
+            powers[base] = powers.get(base, 0) + power * exponent
+        left = tuple(sorted((base, exponent) for base, exponent in powers.items() if exponent))
+        try:
+            return Unit(self.scale * other.scale**power, left)
+        except OverflowError:
+            return Unit(math.inf, left)
+
+    def same_dimension(self, other: Unit) -> bool:
+        """Whether a number in one unit could be converted to the other."""
+        return self.powers == other.powers
+
+    def equals(self, other: Unit) -> bool:
+        """Whether numbers in the two units may be compared as they are.
+
+        A radian is a number: metres are the same as metres times radians, so an arc is a length. Degrees
+        are not, for their scale is another.
+        """
+        return self._without_angle() == other._without_angle() and math.isclose(
+            self.scale, other.scale, rel_tol=1e-9
+        )
+
+    def _without_angle(self) -> tuple[tuple[str, int], ...]:
+        return tuple((base, exponent) for base, exponent in self.powers if base != "rad")
+
+    def __str__(self) -> str:
+        over = [_power(base, exponent) for base, exponent in self.powers if exponent > 0]
+        under = [_power(base, -exponent) for base, exponent in self.powers if exponent < 0]
+        text = "/".join(["*".join(over) or "1", *under]) if self.powers else "no unit"
+        return text if math.isclose(self.scale, 1.0) else f"{self.scale:.4g} {text}".replace(" no unit", "")
+
+
+NONE = Unit()
+"""The unit of a pure number."""
+
+SECOND = Unit(1.0, (("s", 1),))
+
+
+def _power(base: str, exponent: int) -> str:
+    return base if exponent == 1 else f"{base}^{exponent}"
+
+
+def parse_unit(text: str) -> Unit:
+    """The unit that a text such as `rad/s`, `m/s^2`, `N*m`, `1/s` or `%` names; of no text, `NONE`.
+
+    Factors are joined by `*`, `·`, a space or `/`, and `/` divides by the one factor behind it.
+
+    **Raises:** `BehaviourError` for what cannot be read so.
+    """
+    unit, position, divide = NONE, 0, False
+    text = text.strip()
+    while position < len(text):
+        factor = _FACTOR.match(text, position)
+        if factor is None:
+            raise BehaviourError(f"unit {text!r}: {text[position:]!r} is not a unit; write such as 'm/s^2'")
+        scale, powers = _KNOWN.get(factor[1], (1.0, {factor[1]: 1}))
+        power = int(factor[2] or 1)
+        unit = unit.times(_raised(Unit(scale, tuple(sorted(powers.items()))), power), -1 if divide else 1)
+        position = factor.end()
+        if position < len(text):
+            between = _BETWEEN.match(text, position)
+            if between is None or between.end() == len(text):
+                raise BehaviourError(f"unit {text!r}: it ends in {text[position:]!r}; write such as 'm/s^2'")
+            divide = "/" in between[0]
+            position = between.end()
+    return unit
+
+
+def _raised(unit: Unit, power: int) -> Unit:
+    result = NONE
+    for _ in range(abs(power)):
+        result = result.times(unit)
+    return result if power >= 0 else NONE.times(result, -1)
+
+
+def unfamiliar(text: str) -> dict[str, str | None]:
+    """The words of a unit that are not known, each with the known one it may be a misspelling of."""
+    words = [factor[1] for factor in _FACTOR.finditer(text)]
+    near = {word: get_close_matches(word, _KNOWN, n=1, cutoff=0.7) for word in words if word not in _KNOWN}
+    return {word: matches[0] if matches else None for word, matches in near.items()}
