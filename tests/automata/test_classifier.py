@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coachable.behaviours import All, Any, Behaviour, Comparison, Not, Phase, Signal, load_behaviour
 from coachable.automata.classifier import Classifier
+from coachable.behaviours import All, Any, Behaviour, Comparison, Not, Phase, Signal, load_behaviour
 
 NAMES = ("x", "y", "z")
 BOUNDS = (-1.0, -0.0, 0.0, 0.5)
