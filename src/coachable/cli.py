@@ -114,7 +114,8 @@ def table(
 
 def report(
     runs: Annotated[
-        Positional[tuple[Path, ...]], arg(metavar="RUN [RUN …]", help="Run folders, the --out of studies.")
+        Positional[tuple[Path, ...]],
+        arg(metavar="RUN [RUN …]", help="Run folders, the --out of studies.", help_behavior_hint=""),
     ],
     out: Annotated[
         Path | None,
@@ -133,13 +134,17 @@ def report(
     """Write one HTML page that shows what was learned: claims, curves, walkers, every seed, and the numbers.
 
     The page needs no network and nothing beside it. Of a study that is under way it tells what there is; a
-    folder that cannot be read is named, and the others are reported. For example:
+    folder that cannot be read is named, and the others are reported.
+
+    For example:
 
         coachable report runs/paper
         coachable report runs/paper runs/released -o both.html
         coachable report runs/paper --format md -o paper.md
         coachable report runs/paper --format pdf-figures -o figures
     """
+    if not runs:
+        raise CoachableError("give at least one RUN: coachable report runs/paper")
     from rich.console import Console
 
     from coachable.analysis.report.formats import write
@@ -238,9 +243,10 @@ def watch(
     from coachable.viewing.watch import draw_walks, require_drawable
 
     require_drawable(out)
-    from coachable.studies.walks import BASELINES, walk_of_baseline, walk_of_lane
+    from coachable.envs.baselines import CONTROLLER_NAMES
+    from coachable.studies.walks import walk_of_baseline, walk_of_lane
 
-    if run in BASELINES:
+    if run in CONTROLLER_NAMES:
         walks = [walk_of_baseline(run, semantics, seconds)]
         who = walks[0].title
     else:

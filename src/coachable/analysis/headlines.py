@@ -53,7 +53,7 @@ def statistic(comparison: Comparison) -> str:
     text = IN_UNIT[comparison.unit]
     value, _, interval = with_interval(comparison.advantage, text).partition(" ")
     parts = [f"{comparison.measure}, {comparison.relation}: {value}{unit}", interval, "in favour"]
-    return " ".join(filter(None, parts)) + f", p {_equals(p_value(comparison.p_for))}"
+    return " ".join(filter(None, parts)) + f", p\u00a0{_equals(p_value(comparison.p_for))}"
 
 
 def paper_words(comparison: Comparison) -> str:
@@ -120,4 +120,4 @@ def _paper_value(figure: _PaperFigure, name: str) -> float:
 
 
 def _equals(p: str) -> str:
-    return p if p.startswith("<") else f"= {p}"
+    return p if p.startswith("<") else f"=\u00a0{p}"

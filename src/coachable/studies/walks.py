@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
-from coachable.envs.baselines import baseline
+from coachable.envs.baselines import ControllerName, baseline
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
 from coachable.rewards.setup import Semantics
 from coachable.studies.api import rollout
@@ -16,9 +15,6 @@ from coachable.studies.store import Run, Which
 
 STORED_SECONDS = 10.0
 """How long the walks in a run folder are."""
-
-BaselineName = Literal["virtual-gravity", "constant-torque", "none"]
-BASELINES: tuple[BaselineName, ...] = get_args(BaselineName)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +28,7 @@ class WalkToShow:
     parameters: CompassParameters
 
 
-def walk_of_baseline(name: BaselineName, semantics: Semantics, seconds: float) -> WalkToShow:
+def walk_of_baseline(name: ControllerName, semantics: Semantics, seconds: float) -> WalkToShow:
     """A baseline's walk, in float64."""
     report = baseline(name, semantics, seconds=seconds)
     behaviour = load_behaviour(IMPLIED[semantics]["behaviour"])

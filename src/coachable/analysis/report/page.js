@@ -32,11 +32,14 @@
     document.querySelectorAll("details:not([open])").forEach((part) => { closed.add(part); part.open = true; });
     themed = root.dataset.theme;
     root.dataset.theme = "light";
+    root.classList.add("printing");
+    stage.pose();
     redraw(true);
   });
   window.addEventListener("afterprint", () => {
     closed.forEach((part) => (part.open = false));
     closed.clear();
+    root.classList.remove("printing");
     if (themed) root.dataset.theme = themed;
     else delete root.dataset.theme;
     redraw();

@@ -11,7 +11,7 @@ function buildStage(studies) {
   const withWalks = studies.filter((study) => study.lanes.some((lane) => lane.walk));
   if (!withWalks.length) {
     get("no-walks").hidden = false;
-    return { show: () => {}, redraw: () => {} };
+    return { show: () => {}, redraw: () => {}, pose: () => {} };
   }
   stage.hidden = false;
   const walks = new Map();
@@ -203,7 +203,9 @@ function buildStage(studies) {
 
   const first = withWalks[0];
   show(first, preferred(first, lanesOf(first)));
-  return { show: (study, lane) => { touched = true; return show(study, lane).then(() => play(!matchMedia("(prefers-reduced-motion: reduce)").matches)); }, redraw };
+  // A still picture of the very start, upright and in no phase, would tell nothing.
+  const pose = () => { if (state.walk && state.time === 0) state.time = 0.42 * state.walk.duration; };
+  return { pose, redraw, show: (study, lane) => { touched = true; return show(study, lane).then(() => play(!matchMedia("(prefers-reduced-motion: reduce)").matches)); } };
 }
 
 /** The walk to begin with: the farthest of the derived reward, if there is one. */
