@@ -72,7 +72,7 @@ def test_what_is_not_applicable_says_why(tables):
     said = headline(claims[0])
     assert (said.verdict, said.deciding, said.paper) == ("not applicable", None, "")
     assert "no setup sparse" in said.sentence
-    assert summary(claims) == "All six claims are not applicable"
+    assert summary(claims) == "None of the six claims can be decided here"
 
 
 def test_the_summary_counts(claims):

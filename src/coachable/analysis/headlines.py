@@ -91,6 +91,8 @@ def summary(claims: Sequence[Claim]) -> str:
     )
     parts = [f"{_COUNTS[n]} {one if n == 1 else many}" for v, one, many in told if (n := counts[v])]
     total = _COUNTS[len(claims)]
+    if counts[Verdict.NOT_APPLICABLE] == len(claims):
+        return f"None of the {total} claims can be decided here"
     if len(parts) == 1 and len(claims) > 1:
         return f"All {total} claims {parts[0].partition(' ')[2]}"
     return f"Of {total} claims, {', '.join(parts)}"

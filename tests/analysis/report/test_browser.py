@@ -2,6 +2,7 @@
 
 import contextlib
 import html
+import json
 import re
 import shutil
 
@@ -321,6 +322,23 @@ def test_several_studies_stand_side_by_side(make_run, opened, tmp_path):
         page.select_option("#beside", label="paper semantics: orthant, seed 0")
         assert page.locator(".automaton-of:visible").count() == 1
         assert "released-code" in html.unescape(page.inner_text(".opening"))
+
+
+def test_a_study_under_way_shows_its_curves_and_says_what_is_missing(four, opened, tmp_path):
+    run = shutil.copytree(four, tmp_path / "run")
+    manifest = json.loads((run / "manifest.json").read_text())
+    (run / "manifest.json").write_text(json.dumps(manifest | {"status": "interrupted", "files": {}}))
+    (run / "trajectories.parquet").unlink()
+    path = tmp_path / "page.html"
+    write_report([run], path, bibtex="")
+    with opened(path) as page:
+        assert "interrupted" in page.inner_text("[role=status]")
+        assert page.locator("#charts canvas").count() == 1
+        assert page.locator("#no-walks").is_visible()
+        assert not page.locator("#stage").is_visible()
+        assert page.locator(".seed").count() == 4
+        assert page.locator(".seed canvas").count() == 0
+        assert page.inner_text("#seeds-note").startswith("The latest evaluation")
 
 
 def test_without_scripts_claims_and_numbers_are_there(report, browser):

@@ -25,22 +25,24 @@ async function buildGallery(studies, setupNames, choose) {
         button.className = lane.fell ? "seed fell" : "seed";
         button.dataset.lane = lane.name;
         button.tabIndex = rank === 0 ? 0 : -1; // one stop for the tab key; arrows go on from there
-        button.disabled = false;
         button.title = laneText(lane);
         button.setAttribute("aria-label", laneText(lane) + (lane.walk ? "" : " · its walk is not in this page"));
         if (!lane.walk) button.setAttribute("aria-disabled", "true");
         else button.addEventListener("click", () => choose(study, lane, button));
         const canvas = element("canvas");
         const label = element("span", lane.distance === undefined ? "" : `${number(lane.distance, 2)} m`);
-        button.append(canvas, ...(lane.fell ? [element("em", "✕ fell")] : []), label, element("small", String(lane.seed)));
+        const walked = study.poses.starts[place] < study.poses.starts[place + 1];
+        if (walked) button.append(canvas);
+        button.append(...(lane.fell ? [element("em", "✕ fell")] : []), label, element("small", String(lane.seed)));
         grid.append(button);
-        pictures.push({ canvas, draw: (colours) => drawPoses(canvas, poses, study.poses.starts[place], study.poses.starts[place + 1], study.plant, colours) });
+        if (walked) pictures.push({ canvas, draw: (colours) => drawPoses(canvas, poses, study.poses.starts[place], study.poses.starts[place + 1], study.plant, colours) });
       });
       grid.addEventListener("keydown", walkWithArrows);
       gallery.append(title, grid);
     }
   }
-  if (!pictures.length) document.getElementById("seeds").hidden = true;
+  if (!gallery.children.length) document.getElementById("seeds").hidden = true;
+  else if (!pictures.length) document.getElementById("seeds-note").textContent = "The latest evaluation of every lane, the farthest first. Pictures come when the walks are stored.";
 
   const drawn = new Set();
   let colours = palette(0);
