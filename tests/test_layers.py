@@ -34,12 +34,13 @@ READERS_MAY_USE = (
     "coachable.errors",
     "coachable.style",
     "coachable.plants",
+    "coachable.behaviours",
     "coachable.automata.draw",
     "coachable.studies.store",
 )
 
 LANGUAGE = {"lark", "z3", "rich"}
-"""What a description is read, checked and reported with; importing `coachable.behaviours` loads none of it but lark."""
+"""What a description is read with, checked and talked about."""
 
 ONLY_IN_SB3 = {"stable_baselines3", "torch"}
 UNSAFE = {"pickle", "cPickle", "cloudpickle", "dill", "marshal", "shelve"}

@@ -9,7 +9,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, cast, get_args
+from typing import Annotated, Literal
 
 import tyro
 from tyro.conf import Positional, arg
@@ -18,13 +18,6 @@ import coachable
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import CoachableError
 
-if TYPE_CHECKING:
-    from coachable.behaviours.behaviour import Behaviour
-    from coachable.plants.compass import CompassParameters
-
-_FILMS, _PICTURES = (".gif", ".mp4"), (".png", ".svg", ".pdf")
-STORED_SECONDS = 10.0
-"""How long the walks in a run folder are."""
 _STYLE = (tyro.conf.FlagCreatePairsOff,)
 
 Semantics = Literal["paper", "released-code"]
@@ -119,6 +112,53 @@ def table(
         print(f"wrote {path}")
 
 
+def report(
+    runs: Annotated[
+        Positional[tuple[Path, ...]],
+        arg(metavar="RUN [RUN …]", help="Run folders, the --out of studies.", help_behavior_hint=""),
+    ],
+    out: Annotated[
+        Path | None,
+        _option(
+            "FILE",
+            "The page or Markdown file, or the folder of the figures.",
+            otherwise="report.html, report.md or figures, in the run folder or, of several, here",
+            short=("-o",),
+        ),
+    ] = None,
+    format: Annotated[
+        Literal["html", "md", "pdf-figures"],
+        arg(help="One page, the tables as Markdown, or the figures as PDF for a two-column paper."),
+    ] = "html",
+) -> None:
+    """Write one HTML page that shows what was learned: claims, curves, walkers, every seed, and the numbers.
+
+    The page needs no network and nothing beside it. Of a study that is under way it tells what there is; a
+    folder that cannot be read is named, and the others are reported.
+
+    For example:
+
+        coachable report runs/paper
+        coachable report runs/paper runs/released -o both.html
+        coachable report runs/paper --format md -o paper.md
+        coachable report runs/paper --format pdf-figures -o figures
+    """
+    if not runs:
+        raise CoachableError("give at least one RUN: coachable report runs/paper")
+    from rich.console import Console
+
+    from coachable.analysis.report.formats import write
+    from coachable.studies.citation import citation
+
+    console = Console(stderr=True)
+    with console.status("reading") as status:
+        written, problems = write(runs, out, format, bibtex=citation(), tell=status.update)
+    for path in written:
+        print(f"wrote {path}")
+    for problem in problems:
+        print(f"coachable: not in the report: {problem}", file=sys.stderr)
+
+
 def baseline(
     controller: Annotated[
         ControllerName,
@@ -180,7 +220,10 @@ def watch(
         arg(aliases=["-o"], metavar="FILE", help="gait.gif, gait.mp4 (needs the [video] extra) or gait.png."),
     ],
     setup: Annotated[str | None, _option("NAME", "The lane's setup.", otherwise="the plan's first")] = None,
-    seed: Annotated[int | None, _option("N", "The lane's seed.", otherwise="the plan's first")] = None,
+    seed: Annotated[
+        tuple[int, ...] | None,
+        _option("N [N …]", "The lane's seed; several walk side by side.", otherwise="the plan's first"),
+    ] = None,
     which: Annotated[
         Literal["last", "best"],
         arg(help="The policy after the last update, or the one with the best evaluation return."),
@@ -193,21 +236,30 @@ def watch(
     For example:
 
         coachable watch runs/paper --setup orthant --seed 3 -o gait.gif
-        coachable watch runs/paper --setup sparse --which best -o gait.png
+        coachable watch runs/paper --setup sparse --seed 1 2 3 --which best -o gaits.mp4
+        coachable watch runs/paper --setup sparse -o gait.png
         coachable watch virtual-gravity -o gait.gif
     """
-    suffix = out.suffix.lower()
-    if suffix not in (*_PICTURES, *_FILMS):
-        raise CoachableError(f"{out}: give a file that ends in {', '.join((*_FILMS, *_PICTURES))}")
-    if run in get_args(ControllerName):
-        walk, parameters, behaviour, who = _baseline_walk(run, semantics, seconds)
+    from coachable.viewing.watch import draw_walks, require_drawable
+
+    require_drawable(out)
+    from coachable.envs.baselines import CONTROLLER_NAMES
+    from coachable.studies.walks import walk_of_baseline, walk_of_lane
+
+    if run in CONTROLLER_NAMES:
+        walks = [walk_of_baseline(run, semantics, seconds)]
+        who = walks[0].title
     else:
-        walk, parameters, behaviour, who = _lane_walk(Path(run), setup, seed, which, seconds)
-    if suffix in _PICTURES:
-        from coachable.viewing.strobe import write_strobe as write
-    else:
-        from coachable.viewing.animation import animate as write
-    write(walk, out, behaviour.phases, parameters)
+        from coachable.studies.store import load_run
+
+        opened = load_run(run)
+        setup = setup or opened.plan.setups[0].name
+        seeds = dict.fromkeys(seed or (opened.plan.first_seed,))
+        walks = [walk_of_lane(opened, setup, number, which, seconds) for number in seeds]
+        who = f"{setup}, seed{'s' * (len(walks) > 1)} {', '.join(map(str, seeds))}, {which} policy"
+    titles = [walk.title if len(walks) > 1 else "" for walk in walks]
+    trajectories = {title: walk.trajectory for title, walk in zip(titles, walks, strict=True)}
+    draw_walks(trajectories, out, walks[0].behaviour.phases, walks[0].parameters)
     print(f"{out}: {who}")
 
 
@@ -306,10 +358,11 @@ def cite() -> None:
 COMMANDS = {
     "study": study,
     "table": table,
+    "report": report,
     "watch": watch,
     "baseline": baseline,
-    "explain": explain,
     "check": check,
+    "explain": explain,
     "cite": cite,
 }
 
@@ -355,6 +408,7 @@ def _overview() -> str:
             "",
             "  coachable study demo                                        two minutes, to see it work",
             "  coachable study paper --out runs/paper                      the paper's whole study",
+            "  coachable report runs/paper                                 one page: what was learned",
             "  coachable watch runs/paper --setup orthant --seed 3 -o gait.gif",
             "",
             *(f"  {name:<10}{summary}" for name, summary in summaries.items()),
@@ -362,45 +416,6 @@ def _overview() -> str:
             "coachable COMMAND --help tells more, with examples.",
         ]
     )
-
-
-def _baseline_walk(
-    name: str, semantics: Semantics, seconds: float
-) -> tuple[object, CompassParameters, Behaviour, str]:
-    from coachable.behaviours.library import load_behaviour
-    from coachable.envs.baselines import baseline as walk
-    from coachable.plants.compass import PAPER_PARAMETERS
-
-    behaviour = load_behaviour("compass-walking" if semantics == "paper" else "compass-walking-released")
-    report = walk(cast(ControllerName, name), semantics, seconds=seconds)
-    return report.trajectory, PAPER_PARAMETERS, behaviour, f"{name}, {report.hip_x:.2f} m"
-
-
-def _lane_walk(
-    path: Path, setup: str | None, seed: int | None, which: Literal["last", "best"], seconds: float
-) -> tuple[object, CompassParameters, Behaviour, str]:
-    """A lane's stored walk as far as it goes, a fresh one if that is not far enough."""
-    from coachable.studies.store import load_run
-
-    run = load_run(path)
-    setup = run.plan.setups[0].name if setup is None else setup
-    seed = run.plan.seeds[0] if seed is None else seed
-    stored = run.trajectory(setup, seed, which)
-    who = f"{setup}, seed {seed}, {which} policy"
-    if seconds <= STORED_SECONDS:
-        walk = {name: column[stored["t"] <= seconds + 1e-6] for name, column in stored.items()}
-        return walk, run.plan.plant, run.behaviour, who
-    from coachable.studies.api import rollout
-
-    study = run.plan
-    walk = rollout(
-        run.policy(setup, seed, which),
-        seconds,
-        semantics=study.semantics,
-        parameters=study.plant,
-        behaviour=run.behaviour,
-    )
-    return walk, study.plant, run.behaviour, who
 
 
 def _json(numbers: dict) -> str:

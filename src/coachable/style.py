@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import matplotlib as mpl
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 INK = "#222222"
@@ -16,6 +17,12 @@ PAGE = "#ffffff"
 
 STANCE = "#0072b2"
 SWING = "#e07b00"
+
+GOOD = "#00795a"
+BAD = "#c1440e"
+"""For what holds and what falls; never told by colour alone."""
+
+DARK_PAGE = "#14171b"
 
 _OF_SETUP = {"sparse": "#7a7a7a", "forward": "#e69f00", "orthant": "#0072b2", "forward+orthant": "#009e73"}
 _FURTHER_SETUPS = ("#cc79a7", "#56b4e9", "#d55e00", "#6a51a3", "#8c6d31")
@@ -36,6 +43,22 @@ def setup_colours(names: Sequence[str]) -> dict[str, str]:
 def phase_colours(num_phases: int) -> tuple[str, ...]:
     """A light colour for each phase, with dark text readable on it; the last one is for outside them all."""
     return (*(_PHASES[index % len(_PHASES)] for index in range(num_phases)), OUTSIDE)
+
+
+def on_dark(colour: str) -> str:
+    """The colour for a dark page: the same hue, half way to white."""
+    return _mixed(colour, PAGE, 0.42)
+
+
+def dimmed(colour: str) -> str:
+    """A light area's colour for a dark page, on which dark text stays readable."""
+    return _mixed(colour, DARK_PAGE, 0.22)
+
+
+def _mixed(colour: str, other: str, share: float) -> str:
+    (r, g, b), (red, green, blue) = to_rgb(colour), to_rgb(other)
+    keep = 1 - share
+    return to_hex((keep * r + share * red, keep * g + share * green, keep * b + share * blue))
 
 
 @contextmanager
@@ -79,6 +102,9 @@ def drawing() -> Iterator[None]:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a figure in the format of its suffix. Equal figures are equal bytes: no date, no random ids."""
-    metadata = {"Date": None, "Creator": "coachable"} if path.suffix == ".svg" else {"Software": "coachable"}
+    metadata = {
+        ".svg": {"Date": None, "Creator": "coachable"},
+        ".pdf": {"CreationDate": None, "Creator": "coachable"},
+    }.get(path.suffix, {"Software": "coachable"})
     with drawing():
         figure.savefig(path, dpi=DOTS_PER_INCH, metadata=metadata)

@@ -61,6 +61,7 @@ def measured(**samples):
             seeds=np.arange(size),
             distance=distance,
             fell=np.zeros(distance.shape, bool),
+            share_in_cycle=np.ones(distance.shape),
             final_distance=values["final"],
             final_fell=np.zeros(size, bool),
             final_share_in_cycle=np.ones(size),

@@ -3,9 +3,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scipy.stats import bootstrap, trim_mean
+from scipy.stats import bootstrap, mannwhitneyu, trim_mean
 
-from coachable.analysis.intervals import Estimate, estimate, interval, iqm, mean, std
+from coachable.analysis.intervals import (
+    Estimate,
+    estimate,
+    interval,
+    iqm,
+    mean,
+    probability_of_improvement,
+    std,
+)
 
 SAMPLES = arrays(float, st.integers(2, 40), elements=st.floats(-1e3, 1e3))
 
@@ -88,3 +96,24 @@ def test_an_undefined_acceleration_leaves_the_percentile_interval():
 def test_an_estimate_without_ends_has_no_interval():
     assert not Estimate(1.0).has_interval
     assert Estimate(1.0, 0.5, 1.5).has_interval
+
+
+def test_the_probability_of_improvement_is_that_of_all_pairs():
+    rng = np.random.default_rng(3)
+    first, second = rng.integers(0, 6, 9).astype(float), rng.integers(0, 6, 7).astype(float)
+    wins = [(x > y) + 0.5 * (x == y) for x in first for y in second]
+    assert probability_of_improvement(first, second) == pytest.approx(np.mean(wins))
+    u = mannwhitneyu(first, second).statistic
+    assert probability_of_improvement(first, second) == pytest.approx(u / (9 * 7))
+
+
+@given(
+    st.lists(st.integers(-5, 5), min_size=1, max_size=8), st.lists(st.integers(-5, 5), min_size=1, max_size=8)
+)
+def test_one_improves_as_often_as_the_other_does_not(first, second):
+    first, second = np.array(first, float), np.array(second, float)
+    there = probability_of_improvement(first, second)
+    assert there + probability_of_improvement(second, first) == pytest.approx(1)
+    assert probability_of_improvement(first + 100, second) == 1
+    stacked = probability_of_improvement(np.stack([first, first]), np.stack([second, second]), axis=-1)
+    assert stacked.tolist() == [there, there]

@@ -175,6 +175,7 @@ def test_the_mean_of_the_steps_is_the_area_under_the_survival_curve(first_passes
         seeds=np.arange(len(distance)),
         distance=distance,
         fell=distance < 0,
+        share_in_cycle=distance,
         final_distance=each,
         final_fell=each < 0,
         final_share_in_cycle=each,

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from PIL import Image
 
 from coachable import cli
 
@@ -65,6 +66,9 @@ def test_every_command_has_help_with_an_example(capsys, name):
         (["table", "nowhere"], ["nowhere is not a folder"]),
         (["watch", "nowhere", "-o", "gait.png"], ["nowhere is not a folder"]),
         (["watch", "none", "-o", "gait.doc"], ["gait.doc", ".gif"]),
+        (["report"], ["RUN"]),
+        (["report", "nowhere", "-o", "x.html"], ["nowhere is not a folder"]),
+        (["report", "nowhere", "--format", "pdf"], ["--format", "pdf-figures"]),
         (["baseline", "--controller", "gravity"], ["--controller", "virtual-gravity"]),
     ],
 )
@@ -134,6 +138,37 @@ def test_a_lane_and_a_baseline_can_be_watched(capsys, small_run, tmp_path):
     assert lane.read_bytes().startswith(b"\x89PNG")
     assert best.read_bytes().startswith(b"GIF")
     assert b"<svg" in baseline.read_bytes()
+
+
+def test_several_seeds_are_watched_side_by_side(capsys, small_run, tmp_path):
+    film, picture = tmp_path / "both.gif", tmp_path / "both.png"
+    for out in (film, picture):
+        arguments = ("--setup", "sparse", "--seed", "3", "4", "--seconds", "0.5", "-o", out)
+        said, _, status = run(capsys, "watch", small_run.path, *arguments)
+        assert (status, said) == (0, f"{out}: sparse, seeds 3, 4, last policy\n")
+    with Image.open(film) as frames:
+        assert frames.size == (1280, 360)
+    _, err, status = run(capsys, "watch", small_run.path, "--seed", "3", "9", "-o", film)
+    assert status == 2
+    assert "has no seed 9" in err
+
+
+def test_a_report_is_written_in_every_format(capsys, copied_run, tmp_path):
+    out, err, status = run(capsys, "report", copied_run)
+    assert (status, out, err) == (0, f"wrote {copied_run / 'report.html'}\n", "")
+    page = (copied_run / "report.html").read_text(encoding="utf-8")
+    assert "harnack2023deriving" in page
+    assert "small: 2 setups × 2 seeds × 1,250 steps" in page
+    out, err, status = run(
+        capsys, "report", copied_run, tmp_path / "nowhere", "--format", "md", "-o", tmp_path / "r.md"
+    )
+    assert status == 0
+    assert "not in the report" in err
+    assert "nowhere" in err
+    assert "| forward+orthant |" in (tmp_path / "r.md").read_text(encoding="utf-8")
+    out, _, status = run(capsys, "report", copied_run, "--format", "pdf-figures", "-o", tmp_path / "figures")
+    assert status == 0
+    assert out.count("wrote") == len(list((tmp_path / "figures").iterdir())) >= 2
 
 
 def test_what_to_cite_is_bibtex(capsys):

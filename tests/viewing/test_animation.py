@@ -8,8 +8,8 @@ from PIL import Image, ImageSequence
 from coachable.errors import CoachableError, MissingExtraError
 from coachable.plants.compass import CompassParameters
 from coachable.style import STANCE, SWING, phase_colours
-from coachable.viewing.animation import animate
-from coachable.viewing.scene import SIZE, Scene
+from coachable.viewing.animation import animate, animate_together
+from coachable.viewing.scene import SIZE, Scene, SideBySide
 from coachable.viewing.walk import Walk
 
 
@@ -103,6 +103,31 @@ def test_without_the_extra_an_mp4_says_how_to_get_it(until, phases, tmp_path, mo
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'coachable\[video\]'"):
         animate(until(0.1), tmp_path / "gait.mp4", phases)
+
+
+def test_walks_side_by_side_each_are_what_they_are_alone(until, phases):
+    walks = [Walk.of(until(seconds)) for seconds in (1.0, 0.4, 0.7)]
+    scenes = tuple(Scene.of(walk, phases, f"seed {number}") for number, walk in enumerate(walks))
+    together = SideBySide(scenes)
+    assert together.size == (2 * SIZE[0], 2 * SIZE[1])
+    for time in (0.2, 0.9):
+        frame = np.asarray(together.frame(time))
+        for place, scene in enumerate(scenes):
+            row, column = divmod(place, 2)
+            part = frame[SIZE[1] * row :, SIZE[0] * column :][: SIZE[1], : SIZE[0]]
+            np.testing.assert_array_equal(part, np.asarray(scene.frame(time)))
+        assert np.all(frame[SIZE[1] :, SIZE[0] :] == 255)
+
+
+def test_a_title_tells_walks_apart(until, phases):
+    plain, titled = (Scene.of(Walk.of(until(0.2)), phases, title).frame(0.1) for title in ("", "seed 3"))
+    changed = np.argwhere(np.any(np.asarray(plain) != np.asarray(titled), axis=-1))
+    assert 50 < changed[:, 0].min() < changed[:, 0].max() < 75
+
+
+def test_a_film_lasts_as_long_as_its_longest_walk(until, phases, tmp_path):
+    animate_together({"short": until(0.2), "long": until(0.4)}, tmp_path / "both.gif", phases)
+    assert len(list(frames_of(tmp_path / "both.gif"))) == 10
 
 
 def test_another_suffix_is_refused(until, phases, tmp_path):

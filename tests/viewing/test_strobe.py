@@ -6,7 +6,7 @@ from PIL import Image
 
 from coachable.plants.compass import CompassParameters
 from coachable.style import INK, PAGE, STANCE, SWING, phase_colours
-from coachable.viewing.strobe import strobe, write_strobe
+from coachable.viewing.strobe import strobe, strobes, write_strobe
 from coachable.viewing.walk import Walk, runs_of
 
 
@@ -80,6 +80,15 @@ def test_metres_are_square_and_the_whole_walker_is_in_the_picture(columns, phase
     drawn = np.concatenate([line.get_xydata() for line in legs(figure)])
     assert left < drawn[:, 0].min() < drawn[:, 0].max() < right
     assert drawn[:, 1].max() < top
+
+
+def test_several_walks_stand_below_one_another_at_one_scale(until, phases):
+    figure = strobes({"seed 1": until(3.0), "seed 2": until(1.0)}, phases)
+    first, second = figure.axes
+    assert np.ptp(first.get_xlim()) == pytest.approx(np.ptp(second.get_xlim()))
+    assert first.get_position().y0 == pytest.approx(second.get_position().y1)
+    for axes, title in ((first, "seed 1"), (second, "seed 2")):
+        assert title in {text.get_text() for text in axes.texts}
 
 
 def test_files_are_the_same_bytes_each_time(columns, phases, tmp_path):

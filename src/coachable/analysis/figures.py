@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
+from coachable.analysis.claims import Claim
 from coachable.analysis.measurements import Measurements, SetupRuns
 from coachable.analysis.paper import Figure as PaperFigure
 from coachable.analysis.paper import paper_curves, paper_numbers
+from coachable.analysis.sections import IN_UNIT, with_interval
 from coachable.analysis.statistics import Band, learning_curve, mean_highest
-from coachable.style import FAINT, INK, drawing, save, setup_colours
+from coachable.style import FAINT, INK, STANCE, drawing, save, setup_colours
 
 WIDTH = 7.16
 """Both columns of a two-column page [in]."""
@@ -62,6 +66,56 @@ def walking_distance(runs: Measurements) -> Figure:
         best.set_ylabel("highest walking distance [m]")
         _draw_legend(figure, runs)
     return figure
+
+
+def claims_figure(claims: Sequence[Claim]) -> Figure:
+    """What the claims rest on: each comparison's difference in favour of its claim with its 95 % interval.
+
+    Differences are drawn in shares of the greatest end of an interval of the same measure; the numbers stand
+    beside them.
+    """
+    comparisons = [(claim, comparison) for claim in claims for comparison in claim.comparisons]
+    reach = {
+        measure: max(
+            np.nanmax(np.abs([c.advantage.value, c.advantage.low, c.advantage.high]))
+            for _, c in comparisons
+            if c.measure == measure
+        )
+        for measure in {c.measure for _, c in comparisons}
+    }
+    with drawing():
+        figure = Figure(figsize=(WIDTH, 0.6 + 0.17 * len(comparisons)), layout="constrained")
+        axes = figure.subplots()
+        labels = []
+        for row, (claim, comparison) in enumerate(comparisons):
+            value, low, high = (
+                x / (reach[comparison.measure] or 1)
+                for x in (comparison.advantage.value, comparison.advantage.low, comparison.advantage.high)
+            )
+            axes.plot([low, high], [row, row], color=STANCE, alpha=0.45, linewidth=2)
+            axes.plot([value], [row], "o", color=STANCE, markersize=4)
+            told = with_interval(comparison.advantage, IN_UNIT[comparison.unit])
+            axes.annotate(
+                f"{told} {comparison.unit}", (1.02, row), xycoords=("axes fraction", "data"), va="center"
+            )
+            labels.append(f"{claim.name}  {comparison.measure}: {comparison.relation}")
+        axes.axvline(0, color=INK, linewidth=0.8)
+        axes.set_yticks(range(len(labels)), labels)
+        axes.set_ylim(len(labels) - 0.4, -0.6)
+        axes.set_xlim(-1.05, 1.05)
+        axes.set_xticks([])
+        axes.set_xlabel("against the claim  ←    → in favour of it")
+        axes.spines["left"].set_visible(False)
+        axes.tick_params(axis="y", length=0)
+    return figure
+
+
+def paper_figures(runs: Measurements, claims: Sequence[Claim]) -> dict[str, Figure]:
+    """The figures for a paper by name, both columns wide; that of the claims if any could be decided."""
+    figures = {"learning_curves": learning_curves(runs), "walking_distance": walking_distance(runs)}
+    if any(claim.comparisons for claim in claims):
+        figures["claims"] = claims_figure(claims)
+    return figures
 
 
 def draw_figures(runs: Measurements, folder: Path) -> list[Path]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import pyarrow as pa
 from jaxtyping import Bool, Float, Int
 
 from coachable.errors import RunFolderError
-from coachable.studies.store import Run, Study
+from coachable.studies.store import Lane, Run, Study
 
 WATCHED_SECONDS = 100.0
 """How long the final walkers are watched."""
@@ -34,6 +34,8 @@ class SetupRuns:
     distance: Float[np.ndarray, "runs checkpoints"]
     """Distance of each evaluation [m], falls included."""
     fell: Bool[np.ndarray, "runs checkpoints"]
+    share_in_cycle: Float[np.ndarray, "runs checkpoints"]
+    """Share of each evaluation's samples that lie in the described cycle."""
     final_distance: Float[np.ndarray, " runs"]
     """Distance of the evaluation after the last update [m]."""
     final_fell: Bool[np.ndarray, " runs"]
@@ -155,31 +157,82 @@ def measure_tables(
     **Raises:** `RunFolderError`, naming the lane, if one lacks evaluations that others have or has no
     finished training episode.
     """
-    distance, steps, seeds = plan.distance, plan.steps, plan.seeds
-    setup_names = [setup.name for setup in plan.setups]
-    evaluated = _by_lane(evaluations, "step", ("step", distance, "fell", "share_in_cycle"))
-    trained = _by_lane(episodes, "end_step", ("end_step", "return"))
-    watched = {} if survival is None else _by_lane(survival, "lane", ("seconds_up", "perturbed_up"))
-    lanes = {name: [lane.name for lane in plan.lanes if lane.setup == name] for name in setup_names}
-    evaluated_at = _common_steps(evaluated, [lane for names in lanes.values() for lane in names])
+    tables = _Tables.of(plan, evaluations, episodes, survival)
+    _require_all_evaluations(tables.evaluated, plan.lanes)
+    return _measured(plan, baseline, tables, plan.lanes, plan.steps)
+
+
+def measure_so_far(run: Run) -> Measurements:
+    """The measurements of a study that is under way, for a look at it: "final" is the latest so far.
+
+    Lanes are trained in turns, so that some are further than others. What is measured are the lanes that have
+    come to a common step, up to that step, which is chosen for the most evaluations in all.
+
+    **Raises:** `RunFolderError` if a table is missing or damaged, or no lane has been evaluated yet.
+    """
+    tables = _Tables.of(run.plan, run.table("evaluations"), run.table("episodes"), None)
+    begun = [lane for lane in run.lanes if lane.name in tables.evaluated and lane.name in tables.trained]
+    if not begun:
+        raise RunFolderError(f"{run.path}: no lane has been evaluated yet; wait, and try again")
+    counts = np.array([len(tables.evaluated[lane.name]["step"]) for lane in begun])
+    count = max(counts.tolist(), key=lambda count: count * np.sum(counts >= count))
+    lanes = [lane for lane, own in zip(begun, counts, strict=True) if own >= count]
+    cut = {
+        lane.name: {name: column[:count] for name, column in tables.evaluated[lane.name].items()}
+        for lane in lanes
+    }
+    reached = int(cut[lanes[0].name]["step"][-1])
+    return _measured(
+        run.plan, run.baseline, replace(tables, evaluated=cut), lanes, min(reached, run.plan.steps)
+    )
+
+
+Columns = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class _Tables:
+    """The columns of each table by lane."""
+
+    evaluated: Mapping[str, Columns]
+    trained: Mapping[str, Columns]
+    watched: Mapping[str, Columns]
+
+    @staticmethod
+    def of(plan: Study, evaluations: pa.Table, episodes: pa.Table, survival: pa.Table | None) -> _Tables:
+        return _Tables(
+            _by_lane(evaluations, "step", ("step", plan.distance, "fell", "share_in_cycle")),
+            _by_lane(episodes, "end_step", ("end_step", "return")),
+            {} if survival is None else _by_lane(survival, "lane", ("seconds_up", "perturbed_up")),
+        )
+
+
+def _measured(
+    plan: Study, baseline: Mapping[str, Any], tables: _Tables, lanes: Sequence[Lane], steps: int
+) -> Measurements:
+    evaluated_at = tables.evaluated[lanes[0].name]["step"]
     checkpoints = evaluated_at[evaluated_at <= steps] if evaluated_at[0] <= steps else evaluated_at
     grid = np.arange(GRID_STEPS, max(steps, GRID_STEPS) + 1, GRID_STEPS)
 
     def setup_runs(name: str) -> SetupRuns:
+        own = [lane for lane in lanes if lane.setup == name]
+        names = [lane.name for lane in own]
         evaluation = {
-            column: _stack(evaluated, lanes[name], column) for column in (distance, "fell", "share_in_cycle")
+            column: _stack(tables.evaluated, names, column)
+            for column in (plan.distance, "fell", "share_in_cycle")
         }
-        up = {column: _stack(watched, lanes[name], column) for column in ("seconds_up", "perturbed_up")}
+        up = {column: _stack(tables.watched, names, column) for column in ("seconds_up", "perturbed_up")}
         baseline_return = float(baseline["returns"][name])
         scale = baseline_return if baseline_return > 0 else np.nan
-        returns = [_finished(trained, lane, "return") / scale for lane in lanes[name]]
-        ends = [_finished(trained, lane, "end_step") for lane in lanes[name]]
+        returns = [_finished(tables.trained, lane, "return") / scale for lane in names]
+        ends = [_finished(tables.trained, lane, "end_step") for lane in names]
         return SetupRuns(
             name=name,
-            seeds=np.array(seeds),
-            distance=evaluation[distance][:, : len(checkpoints)],
+            seeds=np.array([lane.seed for lane in own]),
+            distance=evaluation[plan.distance][:, : len(checkpoints)],
             fell=evaluation["fell"][:, : len(checkpoints)].astype(bool),
-            final_distance=evaluation[distance][:, -1],
+            share_in_cycle=evaluation["share_in_cycle"][:, : len(checkpoints)],
+            final_distance=evaluation[plan.distance][:, -1],
             final_fell=evaluation["fell"][:, -1].astype(bool),
             final_share_in_cycle=evaluation["share_in_cycle"][:, -1],
             returns=np.stack([_last_finished(*episode, grid) for episode in zip(ends, returns, strict=True)]),
@@ -195,12 +248,9 @@ def measure_tables(
         steps=steps,
         checkpoints=checkpoints.astype(int),
         grid=grid,
-        baseline_distance=float(baseline[distance]),
-        setups=tuple(setup_runs(name) for name in setup_names),
+        baseline_distance=float(baseline[plan.distance]),
+        setups=tuple(setup_runs(name) for name in dict.fromkeys(lane.setup for lane in lanes)),
     )
-
-
-Columns = dict[str, np.ndarray]
 
 
 def _by_lane(table: pa.Table, order: str, names: tuple[str, ...]) -> dict[str, Columns]:
@@ -212,16 +262,15 @@ def _by_lane(table: pa.Table, order: str, names: tuple[str, ...]) -> dict[str, C
     return {lane["values"]: {name: parts[name][i] for name in names} for i, lane in enumerate(lanes)}
 
 
-def _common_steps(evaluated: Mapping[str, Columns], lanes: Sequence[str]) -> np.ndarray:
-    """The training steps at which every lane was evaluated."""
-    steps = {lane: evaluated[lane]["step"] if lane in evaluated else np.array([]) for lane in lanes}
+def _require_all_evaluations(evaluated: Mapping[str, Columns], lanes: Sequence[Lane]) -> None:
+    """**Raises:** `RunFolderError` naming the first lane that was not evaluated where another one was."""
+    steps = {lane.name: evaluated[lane.name]["step"] if lane.name in evaluated else [] for lane in lanes}
     most = max(steps.values(), key=len)
     for lane, own in steps.items():
         if not len(own) or not np.array_equal(own, most):
             raise RunFolderError(
                 f"lane {lane} lacks evaluations: the study has not ended; run it again to go on"
             )
-    return most
 
 
 def _stack(by_lane: Mapping[str, Columns], lanes: Sequence[str], column: str) -> np.ndarray:

@@ -10,7 +10,7 @@ from coachable.analysis.claims import Claim, decide
 from coachable.analysis.intervals import Estimate
 from coachable.analysis.measurements import Measurements
 from coachable.analysis.paper import PAPER_BASELINE_DISTANCE, PaperNumbers, paper_numbers
-from coachable.analysis.statistics import SetupStatistics, statistics_of
+from coachable.analysis.statistics import SetupStatistics, improvements, statistics_of
 
 NOTHING = "–"
 PAPER = "paper"
@@ -31,8 +31,12 @@ class Section:
 
 def sections(runs: Measurements) -> tuple[Section, ...]:
     """Everything that is reported of a study, ours beside the paper's, and its claims decided."""
+    return sections_of(runs, decide(runs))
+
+
+def sections_of(runs: Measurements, claims: Sequence[Claim]) -> tuple[Section, ...]:
+    """`sections` with claims that are decided already."""
     setups = [statistics_of(runs, setup) for setup in runs.setups]
-    claims = decide(runs)
     return (
         _highest(runs, setups),
         _final(setups),
@@ -40,6 +44,7 @@ def sections(runs: Measurements) -> tuple[Section, ...]:
         _spread_of_highest(setups),
         _spread_of_final(setups),
         _walking_on(setups),
+        *_improvements(runs),
         _claims(runs, claims),
         *_comparisons(claims),
     )
@@ -176,6 +181,19 @@ def _walking_on(setups: Sequence[SetupStatistics]) -> Section:
     )
 
 
+def _improvements(runs: Measurements) -> list[Section]:
+    rows = [
+        (
+            f"{chance.setup} over {chance.over}",
+            with_interval(chance.highest, percent),
+            with_interval(chance.final, percent),
+        )
+        for chance in improvements(runs)
+    ]
+    title = "Probability of improvement: that a run of the one walks farther than one of the other [%]"
+    return [_section(title, ("setups", "highest distance", "final distance"), rows)] if rows else []
+
+
 def _claims(runs: Measurements, claims: Sequence[Claim]) -> Section:
     notes = [
         "p: permutation test (C4: bootstrap-t), two-sided. Holm: corrected for all claims; decided at 0.05."
@@ -206,7 +224,7 @@ def _comparisons(claims: Sequence[Claim]) -> list[Section]:
             claim.name,
             comparison.relation,
             f"{comparison.measure} [{comparison.unit}]",
-            with_interval(comparison.advantage, _IN_UNIT[comparison.unit]),
+            with_interval(comparison.advantage, IN_UNIT[comparison.unit]),
             p_value(comparison.p_for),
             p_value(comparison.p_against),
         )
@@ -250,7 +268,7 @@ def with_interval(estimate: Estimate, text: Callable[[float], str] = number) -> 
     return f"{text(estimate.value)} [{text(estimate.low)}, {text(estimate.high)}]"
 
 
-_IN_UNIT: Mapping[str, Callable[[float], str]] = {"m": number, "steps": steps, "%": percent}
+IN_UNIT: Mapping[str, Callable[[float], str]] = {"m": number, "steps": steps, "%": percent}
 
 
 def _of(count: int | None, total: int) -> str:

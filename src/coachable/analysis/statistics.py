@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float, Shaped
 
-from coachable.analysis.intervals import Estimate, estimate, interval, iqm, mean, std
+from coachable.analysis.intervals import (
+    Estimate,
+    estimate,
+    interval,
+    iqm,
+    mean,
+    probability_of_improvement,
+    std,
+)
 from coachable.analysis.measurements import Measurements, SetupRuns
 
 LATE_STEPS = 50_000
@@ -101,6 +110,47 @@ def learning_curve(runs: Measurements, setup: SetupRuns) -> Band:
 def mean_highest(runs: Measurements, setup: SetupRuns) -> Band:
     """The mean over runs of the greatest distance up to each checkpoint [m]."""
     return _band(runs.checkpoints, setup.highest_so_far)
+
+
+def mean_distance(runs: Measurements, setup: SetupRuns) -> Band:
+    """The mean over runs of the distance at each checkpoint, falls included [m]."""
+    return _band(runs.checkpoints, setup.distance)
+
+
+def share_up(runs: Measurements, setup: SetupRuns) -> Band:
+    """The share of runs whose walker is up at the end of the evaluation, at each checkpoint."""
+    return _band(runs.checkpoints, (~setup.fell).astype(float))
+
+
+def mean_share_in_cycle(runs: Measurements, setup: SetupRuns) -> Band:
+    """The mean over runs of the share of samples in the described cycle, at each checkpoint."""
+    return _band(runs.checkpoints, setup.share_in_cycle)
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """The chance that a run of one setup walks farther than a run of another one."""
+
+    setup: str
+    over: str
+    highest: Estimate
+    """In Highest(run)."""
+    final: Estimate
+    """In the distance after the last update."""
+
+
+def improvements(runs: Measurements) -> tuple[Improvement, ...]:
+    """The probability of improvement of each setup over each that stands before it in the plan."""
+
+    def chance(setup: SetupRuns, over: SetupRuns) -> Improvement:
+        return Improvement(
+            setup.name,
+            over.name,
+            estimate(probability_of_improvement, setup.highest, over.highest),
+            estimate(probability_of_improvement, setup.final_distance, over.final_distance),
+        )
+
+    return tuple(chance(setup, over) for over, setup in combinations(runs.setups, 2))
 
 
 def _band(steps: np.ndarray, values: Float[np.ndarray, "runs points"]) -> Band:

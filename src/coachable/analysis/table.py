@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
@@ -38,7 +39,12 @@ def print_table(runs: Measurements) -> None:
 
 def markdown(runs: Measurements) -> str:
     """The table as Markdown."""
-    return "\n\n".join([f"# {heading(runs)}", *map(_as_markdown, sections(runs))]) + "\n"
+    return markdown_of(runs, sections(runs))
+
+
+def markdown_of(runs: Measurements, said: Sequence[Section]) -> str:
+    """`markdown` with sections that are there already."""
+    return "\n\n".join([f"# {heading(runs)}", *map(_as_markdown, said)]) + "\n"
 
 
 def write_markdown(runs: Measurements, folder: Path) -> Path:

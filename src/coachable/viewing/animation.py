@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from PIL import Image
 
 from coachable.errors import CoachableError, MissingExtraError
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
-from coachable.viewing.scene import HEIGHT, WIDTH, Scene
+from coachable.viewing.scene import Scene, SideBySide
 from coachable.viewing.walk import NamedPhase, Walk
 
 GIF_FPS = 25
@@ -29,13 +29,26 @@ def animate(
     phases: Sequence[NamedPhase],
     parameters: CompassParameters = PAPER_PARAMETERS,
 ) -> None:
-    """Write a walk as a film of 640 × 360 pixels in real time: the walker, its phase, the time, the distance.
+    """Write one walk as a film; see `animate_together`."""
+    animate_together({"": trajectory}, path, phases, parameters)
+
+
+def animate_together(
+    trajectories: Mapping[str, object],
+    path: Path,
+    phases: Sequence[NamedPhase],
+    parameters: CompassParameters = PAPER_PARAMETERS,
+) -> None:
+    """Write walks as a film in real time: each walker, its phase, the time, the distance.
+
+    Each has 640 × 360 pixels, several side by side, in rows that are about as many as columns. The film lasts
+    as long as the longest walk.
 
     The stance leg is blue and the swing leg orange; the leg masses are filled on one leg and hollow on the
     other. The strip at the bottom tells the phases over the whole time.
 
-    **Arguments:** `trajectory` as in `Walk.of`; `path`, which ends in `.gif` or `.mp4`; `phases` of the
-    behaviour, in its order.
+    **Arguments:** `trajectories` as in `Walk.of`, by title; `path`, which ends in `.gif` or `.mp4`; `phases`
+    of the behaviour, in its order.
 
     **Raises:** `MissingExtraError` for an mp4 without the [video] extra, `CoachableError` for another suffix.
     """
@@ -43,24 +56,27 @@ def animate(
     if path.suffix not in writers:
         raise CoachableError(f"{path.name}: a film ends in {' or '.join(writers)}")
     write, fps = writers[path.suffix]
-    walk = Walk.of(trajectory, parameters)
-    num_frames = max(1, round(walk.seconds * fps))
-    write(path, Scene.of(walk, phases), [walk.time[0] + k / fps for k in range(1, num_frames + 1)])
+    walks = {title: Walk.of(trajectory, parameters) for title, trajectory in trajectories.items()}
+    num_frames = max(1, *(round(walk.seconds * fps) for walk in walks.values()))
+    start = min(walk.time[0] for walk in walks.values())
+    scenes = SideBySide(tuple(Scene.of(walk, phases, title) for title, walk in walks.items()))
+    write(path, scenes, [start + k / fps for k in range(1, num_frames + 1)])
 
 
-def _write_gif(path: Path, scene: Scene, times: Sequence[float]) -> None:
+def _write_gif(path: Path, scene: SideBySide, times: Sequence[float]) -> None:
     palette = _palette(scene, times)
     frames = (scene.frame(time).quantize(palette=palette, dither=Image.Dither.NONE) for time in times)
     durations = [1_000 // GIF_FPS] * (len(times) - 1) + [_LAST_FRAME]
     next(frames).save(path, save_all=True, append_images=frames, duration=durations, loop=0, optimize=False)
 
 
-def _palette(scene: Scene, times: Sequence[float]) -> Image.Image:
+def _palette(scene: SideBySide, times: Sequence[float]) -> Image.Image:
     """One palette for all frames, taken from some of them: one for each would flicker."""
     some = [times[int(index)] for index in np.linspace(0, len(times) - 1, 12)]
-    sheet = Image.new("RGB", (WIDTH, HEIGHT * len(some)))
+    width, height = scene.size
+    sheet = Image.new("RGB", (width, height * len(some)))
     for row, time in enumerate(some):
-        sheet.paste(scene.frame(time), (0, HEIGHT * row))
+        sheet.paste(scene.frame(time), (0, height * row))
     palette = sheet.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
     colours = np.array(palette.getpalette()).reshape(-1, 3)
     colours[colours.min(axis=1) > 240] = 255  # or else Pillow takes one that is nearly white for the page
@@ -68,12 +84,13 @@ def _palette(scene: Scene, times: Sequence[float]) -> Image.Image:
     return palette
 
 
-def _write_mp4(path: Path, scene: Scene, times: Sequence[float]) -> None:
+def _write_mp4(path: Path, scene: SideBySide, times: Sequence[float]) -> None:
     try:
         import imageio_ffmpeg
     except ImportError:
         raise MissingExtraError("an mp4", "video") from None
-    raw_frames = f"-f rawvideo -pix_fmt rgb24 -s {WIDTH}x{HEIGHT} -r {MP4_FPS} -i -"
+    width, height = scene.size
+    raw_frames = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {MP4_FPS} -i -"
     options = f"-y -loglevel error {raw_frames} -vcodec libx264 -pix_fmt yuv420p -crf 18"
     # ffmpeg is run directly: imageio_ffmpeg would fork, which a process that runs JAX must not.
     command = [imageio_ffmpeg.get_ffmpeg_exe(), *options.split(), str(path)]

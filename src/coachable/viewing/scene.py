@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -38,14 +39,14 @@ class Scene:
     camera: Float[np.ndarray, " samples"]
     """The x in the middle of the picture [m]."""
     backdrop: Image.Image
-    """What never moves: the page, and the phases over time."""
+    """What never moves: the page, the title, and the phases over time."""
 
     @staticmethod
-    def of(walk: Walk, phases: Sequence[NamedPhase]) -> Scene:
-        """The scene of a walk with the phases of its behaviour."""
+    def of(walk: Walk, phases: Sequence[NamedPhase], title: str = "") -> Scene:
+        """The scene of a walk with the phases of its behaviour, and a title that tells it from others."""
         spacing = walk.seconds / max(1, len(walk.time) - 1) or 1.0
         camera = gaussian_filter1d(walk.hip[:, 0], _CAMERA_SECONDS / spacing, mode="nearest")
-        return Scene(walk, tuple(phases), camera, _backdrop(walk, phases))
+        return Scene(walk, tuple(phases), camera, _backdrop(walk, phases, title))
 
     def frame(self, time: float) -> Image.Image:
         """The picture at a time [s] of the walk."""
@@ -109,9 +110,35 @@ class Scene:
         pen.box(now - 1, _STRIP_TOP - 4, now + 1, _STRIP_BOTTOM + 4, INK)
 
 
-def _backdrop(walk: Walk, phases: Sequence[NamedPhase]) -> Image.Image:
+@dataclass(frozen=True, eq=False)
+class SideBySide:
+    """Scenes beside and below one another in one picture, in the order of reading."""
+
+    scenes: tuple[Scene, ...]
+
+    @property
+    def columns(self) -> int:
+        """How many stand beside one another."""
+        return math.ceil(math.sqrt(len(self.scenes)))
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Of a frame [pixels]."""
+        return WIDTH * self.columns, HEIGHT * math.ceil(len(self.scenes) / self.columns)
+
+    def frame(self, time: float) -> Image.Image:
+        """The picture at a time [s]; a walk that has ended stays as it ended."""
+        sheet = Image.new("RGB", self.size, PAGE)
+        for place, scene in enumerate(self.scenes):
+            row, column = divmod(place, self.columns)
+            sheet.paste(scene.frame(time), (WIDTH * column, HEIGHT * row))
+        return sheet
+
+
+def _backdrop(walk: Walk, phases: Sequence[NamedPhase], title: str) -> Image.Image:
     image = Image.new("RGB", (FINER * WIDTH, FINER * HEIGHT), PAGE)
     pen, colours = Pen(image), phase_colours(len(phases))
+    pen.text((24, 62), title, 13, FAINT, "lm", bold=True)
     for phase, start, stop in runs_of(walk.phase):
         pen.box(
             _along_strip(walk, start), _STRIP_TOP, _along_strip(walk, stop), _STRIP_BOTTOM, colours[phase]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,23 +42,54 @@ def strobe(
 
     **Arguments:** `trajectory` as in `Walk.of`; `phases` of the behaviour, in its order.
     """
-    walk = _last_strides(Walk.of(trajectory, parameters), strides)
+    return strobes({"": trajectory}, phases, parameters, strides=strides)
+
+
+def strobes(
+    trajectories: Mapping[str, object],
+    phases: Sequence[NamedPhase],
+    parameters: CompassParameters = PAPER_PARAMETERS,
+    *,
+    strides: int = 3,
+) -> Figure:
+    """Strobe pictures of walks by title, one below another at one scale; each as in `strobe`."""
+    walks = {
+        title: _last_strides(Walk.of(trajectory, parameters), strides)
+        for title, trajectory in trajectories.items()
+    }
     scale = parameters.leg_length
-    left, right = _extent(walk, scale)
-    bottom, top = -0.31 * scale, 1.08 * scale
+    extents = [_extent(walk, scale) for walk in walks.values()]
+    length = max(right - left for left, right in extents)
+    bottom, top = -0.31 * scale, (1.2 if any(walks) else 1.08) * scale
     with drawing():
-        figure = Figure(figsize=(WIDTH, WIDTH * (top - bottom) / (right - left)))
-        axes = figure.add_axes((0, 0, 1, 1))
-        axes.set(xlim=(left, right), ylim=(bottom, top))
-        axes.set_axis_off()
-        axes.plot(*walk.hip.T, color=FAINT, linewidth=0.8)
-        poses = _poses(walk)
-        for order, sample in enumerate(poses):
-            age = 1 - (order + 1) / len(poses)
-            _draw_pose(axes, walk, sample, FAINTEST + (1 - FAINTEST) * (1 - age) ** 2, 3 + order)
-        _draw_ground(axes, left, right, bottom, scale)
-        _draw_phases(axes, walk, phases, left + 0.08 * scale, right - 0.08 * scale, scale)
+        figure = Figure(figsize=(WIDTH, len(walks) * WIDTH * (top - bottom) / length))
+        for row, (title, walk) in enumerate(walks.items()):
+            left = sum(extents[row]) / 2 - length / 2
+            axes = figure.add_axes((0, 1 - (row + 1) / len(walks), 1, 1 / len(walks)))
+            axes.set(xlim=(left, left + length), ylim=(bottom, top))
+            axes.set_axis_off()
+            _draw_walk(axes, walk, phases, (left, left + length), bottom, scale)
+            if title:
+                _write(axes, (left + 0.3 * scale, 1.18 * scale), title, INK, "top")
     return figure
+
+
+def _draw_walk(
+    axes: Axes,
+    walk: Walk,
+    phases: Sequence[NamedPhase],
+    extent: tuple[float, float],
+    bottom: float,
+    scale: float,
+) -> None:
+    axes.plot(*walk.hip.T, color=FAINT, linewidth=0.8)
+    poses = _poses(walk)
+    for order, sample in enumerate(poses):
+        age = 1 - (order + 1) / len(poses)
+        _draw_pose(axes, walk, sample, FAINTEST + (1 - FAINTEST) * (1 - age) ** 2, 3 + order)
+    left, right = extent
+    _draw_ground(axes, left, right, bottom, scale)
+    _draw_phases(axes, walk, phases, left + 0.08 * scale, right - 0.08 * scale, scale)
 
 
 def write_strobe(
@@ -70,7 +101,19 @@ def write_strobe(
     strides: int = 3,
 ) -> None:
     """Write the strobe picture of a walk as PNG, SVG or PDF, as the suffix of `path` says."""
-    save(strobe(trajectory, phases, parameters, strides=strides), path)
+    write_strobes({"": trajectory}, path, phases, parameters, strides=strides)
+
+
+def write_strobes(
+    trajectories: Mapping[str, object],
+    path: Path,
+    phases: Sequence[NamedPhase],
+    parameters: CompassParameters = PAPER_PARAMETERS,
+    *,
+    strides: int = 3,
+) -> None:
+    """Write the strobe pictures of walks by title, as `write_strobe` does for one."""
+    save(strobes(trajectories, phases, parameters, strides=strides), path)
 
 
 def _last_strides(walk: Walk, strides: int) -> Walk:

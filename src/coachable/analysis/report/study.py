@@ -1,0 +1,197 @@
+"""One run folder as the page shows it: read once, every statistic taken from `coachable.analysis`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from coachable.analysis.claims import Claim, decide
+from coachable.analysis.measurements import Measurements, measure, measure_so_far
+from coachable.analysis.report.curves import curves
+from coachable.analysis.report.walks import (
+    Walks,
+    baseline_walk,
+    even_selection,
+    packed_poses,
+    packed_walk,
+    stored_walks,
+)
+from coachable.analysis.sections import Section, sections_of
+from coachable.behaviours.expressions import Number, Variable
+from coachable.behaviours.predicates import Comparison, Predicate, conjuncts
+from coachable.errors import RunFolderError
+from coachable.studies.store import Run, load_run
+
+Tell = Callable[[str], None]
+"""Is told what is under way."""
+
+
+@dataclass(frozen=True, eq=False)
+class StudyReport:
+    """What there is to say of one run folder."""
+
+    label: str
+    """What sets it apart from the others in the report."""
+    run: Run
+    runs: Measurements | None
+    """Of the finished part, if the study is under way; None if nothing could be measured."""
+    claims: tuple[Claim, ...]
+    sections: tuple[Section, ...]
+    walks: Walks
+    passports: tuple[tuple[str, Any], ...]
+    problems: tuple[str, ...]
+    """What could not be read, and why."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether the study has ended."""
+        return self.run.status == "complete"
+
+    @property
+    def standing(self) -> str:
+        """How far a study under way has come, in a sentence; empty for a complete one."""
+        if self.complete:
+            return ""
+        plan, word = self.run.plan, "interrupted" if self.run.status == "interrupted" else "under way"
+        if self.runs is None:
+            return f"{self.label} is {word}; nothing can be shown of it yet."
+        num_lanes = sum(setup.num_runs for setup in self.runs.setups)
+        return (
+            f"{self.label} is {word}: shown are {num_lanes} of {len(plan.lanes)} lanes up to step "
+            f"{self.runs.steps:,} of {plan.steps:,}. Claims and tables come when it is complete."
+        )
+
+    def data(self, most_walks: int) -> dict[str, Any]:
+        """What the page's script reads, with at most so many walks."""
+        plan, lanes = self.run.plan, self._lanes()
+        by_setup = {name: [lane for lane in lanes if lane["setup"] == name] for name in self.setup_names}
+        share = most_walks // max(1, len(by_setup))
+        chosen = {
+            id(own[rank])
+            for lanes_of_setup in by_setup.values()
+            if (own := [lane for lane in lanes_of_setup if lane["name"] in self.walks])
+            for rank in even_selection(len(own), share)
+        }
+        for lane in lanes:
+            lane["walk"] = packed_walk(self.walks[lane["name"]]) if id(lane) in chosen else None
+        plant = plan.plant
+        return {
+            "label": self.label,
+            "distance": "hip" if plan.distance == "hip_x" else "stance foot",
+            "plant": {
+                "leg": plant.leg_length,
+                "a": plant.a,
+                "b": plant.b,
+                "hip": plant.hip_mass,
+                "mass": plant.leg_mass,
+            },
+            "phases": [
+                {"name": phase.name, "title": phase.title, "box": _box(phase.predicate)}
+                for phase in self.run.behaviour.phases
+            ],
+            "steps": plan.steps,
+            "wallSeconds": self.run.manifest.get("wall_seconds") if self.complete else None,
+            "setups": list(self.setup_names),
+            "curves": curves(self.runs) if self.runs else [],
+            "lanes": lanes,
+            "poses": packed_poses([self.walks.get(lane["name"]) for lane in lanes]),
+            "baseline": baseline_walk(self.walks),
+        }
+
+    @property
+    def setup_names(self) -> tuple[str, ...]:
+        """The plan's setups, in its order."""
+        return tuple(setup.name for setup in self.run.plan.setups)
+
+    def _lanes(self) -> list[dict[str, Any]]:
+        """Every lane that was measured or whose walk is stored, the farthest of each setup first."""
+        lanes = {
+            lane.name: {"name": lane.name, "setup": lane.setup, "seed": lane.seed} for lane in self.run.lanes
+        }
+        for setup in self.runs.setups if self.runs else ():
+            for row, seed in enumerate(setup.seeds.tolist()):
+                lanes[f"{setup.name}-{seed}"] |= {
+                    "distance": _rounded(setup.final_distance[row], 4),
+                    "fell": bool(setup.final_fell[row]),
+                    "inCycle": _rounded(setup.final_share_in_cycle[row], 4),
+                    "secondsUp": _rounded(setup.seconds_up[row], 2),
+                    "perturbedUp": _rounded(setup.perturbed_up[row], 4),
+                }
+        known = [lane for lane in lanes.values() if "distance" in lane or lane["name"] in self.walks]
+        order = {name: place for place, name in enumerate(self.setup_names)}
+        return sorted(
+            known, key=lambda lane: (order[lane["setup"]], -lane.get("distance", 0.0), lane["seed"])
+        )
+
+
+def read_study(path: Path, tell: Tell) -> StudyReport:
+    """Read a run folder and decide its claims. What is damaged within it is named among the problems.
+
+    **Raises:** `RunFolderError` if the folder itself, its plan or its behaviour cannot be read.
+    """
+    tell(f"{path}: reading")
+    run = load_run(path)
+    problems: list[str] = []
+    runs, claims, sections, walks = None, (), (), {}
+    try:
+        runs = measure(run) if run.status == "complete" else measure_so_far(run)
+    except RunFolderError as error:
+        problems.append(str(error))
+    if runs and run.status == "complete":
+        tell(f"{path}: deciding the claims")
+        claims = decide(runs)
+        tell(f"{path}: statistics")
+        sections = sections_of(runs, claims)
+    if run.status == "complete" or (path / "trajectories.parquet").exists():
+        tell(f"{path}: walks")
+        try:
+            walks = stored_walks(run)
+        except RunFolderError as error:
+            problems.append(str(error))
+    passports, complaints = _passports(path)
+    return StudyReport(run.plan.name, run, runs, claims, sections, walks, passports, (*problems, *complaints))
+
+
+def labels(studies: Sequence[StudyReport]) -> tuple[str, ...]:
+    """A short name for each study: the first thing in which they all differ."""
+    plans = [study.run.plan for study in studies]
+    for names in (
+        [plan.name for plan in plans],
+        [f"{plan.semantics} semantics" for plan in plans],
+        [f"trained by {plan.trainer}" for plan in plans],
+        [f"reward read as {plan.reward_variant}" for plan in plans],
+        [study.run.path.resolve().name for study in studies],
+    ):
+        if len(set(names)) == len(studies):
+            return tuple(names)
+    return tuple(f"{plan.name} ({place})" for place, plan in enumerate(plans, start=1))
+
+
+def _passports(path: Path) -> tuple[tuple[tuple[str, Any], ...], tuple[str, ...]]:
+    found, problems = [], []
+    for file in sorted((path / "passports").glob("*.json")):
+        try:
+            found.append((file.stem, json.loads(file.read_text(encoding="utf-8"))))
+        except (OSError, ValueError) as error:
+            problems.append(f"{file} is damaged: {error}")
+    return tuple(found), tuple(problems)
+
+
+def _box(predicate: Predicate) -> dict[str, list[float | None]]:
+    """Between which bounds a phase keeps each signal, as far as its comparisons are joined by "and"."""
+    box: dict[str, list[float | None]] = {}
+    for part in conjuncts(predicate):
+        match part:
+            case Comparison(Variable(signal), relation, Number(value)):
+                bounds = box.setdefault(signal, [None, None])
+                side = 0 if relation.startswith(">") else 1
+                bound, tighter = bounds[side], max if side == 0 else min
+                bounds[side] = value if bound is None else tighter(bound, value)
+    return box
+
+
+def _rounded(value: float, digits: int) -> float | None:
+    return None if value != value else round(float(value), digits)

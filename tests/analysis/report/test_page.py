@@ -1,0 +1,256 @@
+"""The page as text: its numbers are those of the Parquet files, its texts are escaped, damage is named."""
+
+import base64
+import hashlib
+import html
+import json
+import re
+import shutil
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from coachable.analysis.report.formats import write
+from coachable.analysis.report.page import read_studies, render, write_report
+from coachable.analysis.report.walks import even_selection
+from coachable.errors import RunFolderError
+
+BIBTEX = "@software{coachable, title = {A & B <c>}}"
+
+
+def quiet(doing):
+    pass
+
+
+def page_of(*paths):
+    studies, problems = read_studies(paths, quiet)
+    return render(studies, problems, BIBTEX)
+
+
+def data_of(page):
+    (text,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    return json.loads(text)["studies"]
+
+
+@pytest.fixture(scope="module")
+def page(four):
+    return page_of(four)
+
+
+@pytest.fixture(scope="module")
+def several(make_run, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("several")
+    return [
+        make_run(folder / semantics, num_seeds=3, semantics=semantics)
+        for semantics in ("paper", "released-code")
+    ]
+
+
+def cells(page, title):
+    """The rows of every table under a title."""
+    _, _, rest = page.partition(f"<h3>{html.escape(title)}</h3>")
+    part = rest.partition("<h3>")[0]
+    assert "<tr>" in part
+    return [
+        [html.unescape(re.sub("<.*?>", "", cell)) for cell in re.findall(r"<t[hd].*?>(.*?)</t[hd]>", row)]
+        for row in re.findall(r"<tr>(.*?)</tr>", part, re.DOTALL)
+    ]
+
+
+def test_the_numbers_are_those_of_the_parquet_files(several):
+    page = page_of(*several)
+    found = iter(cells(page, "Walking distance after the last update [m]"))
+    for path, column in zip(several, ("hip_x", "foot_x"), strict=True):
+        evaluations = pq.read_table(path / "evaluations.parquet").to_pandas()
+        last = evaluations[evaluations.step == evaluations.step.max()]
+        assert next(found)[0] == "setup"
+        for setup in ("sparse", "forward", "orthant", "forward+orthant"):
+            own = last[last.lane.str.fullmatch(re.escape(setup) + r"-\d+")][column]
+            name, mean, *_ = next(found)
+            assert name == setup
+            assert mean.split(" [")[0] == f"{own.mean():.2f}"
+
+
+def test_every_lane_and_every_curve_is_that_of_the_parquet_files(several, in_node):
+    for path, column, study in zip(several, ("hip_x", "foot_x"), data_of(page_of(*several)), strict=True):
+        evaluations = pq.read_table(path / "evaluations.parquet").to_pandas()
+        last = evaluations[evaluations.step == evaluations.step.max()].set_index("lane")
+        for lane in study["lanes"]:
+            assert lane["distance"] == pytest.approx(last[column][lane["name"]], abs=1e-4)
+            assert lane["fell"] == last.fell[lane["name"]]
+        for setup in study["setups"]:
+            distances = [lane["distance"] for lane in study["lanes"] if lane["setup"] == setup]
+            assert distances == sorted(distances, reverse=True)
+        curve = next(curve for curve in study["curves"] if curve["key"] == "distance")
+        for setup in curve["setups"]:
+            for seed, values in in_node(
+                "unpack(input).then((c) => Object.entries(c).map(([k, v]) => [k, Array.from(v)]))",
+                setup["runs"],
+            ):
+                own = evaluations[evaluations.lane == f"{setup['name']}-{seed}"].sort_values("step")
+                own = own[own.step <= 60_000]
+                assert own.step.tolist() == curve["steps"]
+                np.testing.assert_allclose(values, own[column], atol=2e-4)
+
+
+def test_a_walk_is_that_of_the_parquet_file(four, page, in_node):
+    (study,) = data_of(page)
+    walks = pq.read_table(four / "trajectories.parquet").to_pandas()
+    for lane in study["lanes"][:2]:
+        stored = walks[walks.lane == lane["name"]]
+        back = in_node(
+            "unpack(input).then((c) => Object.entries(c).map(([k, v]) => [k, Array.from(v)]))", lane["walk"]
+        )
+        for name, column in back:
+            half = 0.51 * dict(lane["walk"]["columns"])[name]
+            np.testing.assert_allclose(column, stored[name], atol=half)
+
+
+def test_the_policy_forbids_all_but_the_page_s_own_scripts(page):
+    (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="(.*?)"', page)
+    policy = html.unescape(policy)
+    assert "default-src 'none'" in policy
+    assert "unsafe-eval" not in policy
+    scripts = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
+    digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
+    assert re.findall(r"'sha256-(.*?)'", policy) == digests
+    assert not re.search(
+        r"""(src|href)=["'](?!#)""", re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+    )
+
+
+def test_texts_from_files_are_shown_and_not_read(make_run, script, tmp_path):
+    page = page_of(make_run(tmp_path / "run", behaviour=script))
+    outside = re.sub(r"<script>.*?</script>|<script type.*?</script>", "", page, flags=re.DOTALL)
+    assert "<script" not in outside
+    assert "<img" not in page
+    assert "&lt;script&gt;window.pwned" in outside
+    assert html.escape(BIBTEX) in page
+
+
+def test_it_says_where_it_comes_from(page, four):
+    manifest = json.loads((four / "manifest.json").read_text())
+    for said in (
+        manifest["versions"]["jax"],
+        *manifest["reward_hashes"].values(),
+        manifest["files"]["plan.toml"],
+    ):
+        assert said in page
+    assert "coachable study plan.toml --out runs/four" in page
+    assert "hidden_sizes = [64, 64]" in page
+    assert "passport" not in page
+
+
+def test_passports_are_shown_as_they_are(four, tmp_path):
+    run = shutil.copytree(four, tmp_path / "run")
+    (run / "passports").mkdir()
+    (run / "passports" / "orthant-0.json").write_text(
+        '{"orbit": {"period": 0.75, "stable": true}, "by": "<b>"}'
+    )
+    (run / "passports" / "orthant-1.json").write_text("{")
+    page = page_of(run)
+    assert "Gait passports (1)" in page
+    assert (
+        "<dt>orbit.period</dt><dd>0.75</dd><dt>orbit.stable</dt><dd>true</dd><dt>by</dt><dd>&lt;b&gt;</dd>"
+        in page
+    )
+    assert "orthant-1.json is damaged" in page
+
+
+def test_a_damaged_folder_is_named_and_the_others_are_reported(four, tmp_path):
+    broken = shutil.copytree(four, tmp_path / "broken")
+    (broken / "plan.toml").write_text("steps = ?")
+    problems = write_report([broken, four, tmp_path / "nowhere"], tmp_path / "page.html", bibtex=BIBTEX)
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert len(problems) == 2
+    for name in (broken / "plan.toml", tmp_path / "nowhere"):
+        assert any(str(name) in problem for problem in problems)
+        assert str(name) in page
+    assert len(data_of(page)) == 1
+    with pytest.raises(RunFolderError, match="nowhere"):
+        write_report([tmp_path / "nowhere"], tmp_path / "none.html", bibtex=BIBTEX)
+    assert not (tmp_path / "none.html").exists()
+
+
+@pytest.mark.parametrize("name", ["trajectories", "evaluations", "survival", "episodes"])
+def test_a_damaged_table_is_named_and_the_rest_is_reported(four, tmp_path, name):
+    run = shutil.copytree(four, tmp_path / "run")
+    (run / f"{name}.parquet").write_bytes(b"PAR1")
+    page = page_of(run)
+    (study,) = data_of(page)
+    assert f"{name}.parquet" in re.findall(r'role="alert">(.*?)</div>', page, re.DOTALL)[0]
+    assert bool(study["curves"]) == (name == "trajectories")
+    assert any(lane["walk"] for lane in study["lanes"]) == (name != "trajectories")
+    assert "The plan" in page
+
+
+def test_a_study_under_way_is_reported_as_far_as_it_is(make_run, tmp_path):
+    run = make_run(tmp_path / "run", num_seeds=3)
+    manifest = json.loads((run / "manifest.json").read_text())
+    (run / "manifest.json").write_text(json.dumps(manifest | {"status": "running", "files": {}}))
+    for name in ("trajectories", "survival"):
+        (run / f"{name}.parquet").unlink()
+    path = run / "evaluations.parquet"
+    table = pq.read_table(path)
+    lanes, steps = np.array(table["lane"].to_pylist()), np.array(table["step"])
+    begun = np.char.startswith(lanes, "sparse") | ((lanes == "forward-0") & (steps <= 10_000))
+    pq.write_table(table.filter(begun & (steps <= 30_000)), path)
+    page = page_of(run)
+    (study,) = data_of(page)
+    assert "under way: shown are 3 of 12 lanes up to step 30,000 of 60,000" in page
+    assert {lane["setup"] for lane in study["lanes"]} == {"sparse"}
+    assert study["curves"][1]["steps"] == [10_000, 20_000, 30_000]
+    assert 'id="claims"' not in page
+    pq.write_table(table.slice(0, 0), path)
+    assert "no lane has been evaluated yet" in page_of(run)
+
+
+def test_of_many_lanes_an_even_selection_walks_and_all_are_counted(make_run, tmp_path):
+    run = make_run(tmp_path / "run", num_seeds=40, seconds=0.5)
+    page = page_of(run)
+    (study,) = data_of(page)
+    assert len(study["lanes"]) == 160
+    assert len(study["poses"]["starts"]) == 161
+    embedded = [lane for lane in study["lanes"] if lane["walk"]]
+    assert len(embedded) == 128
+    assert "128 of 160 walks are in this page, 32 of each setup" in page
+    for setup in study["setups"]:
+        own = [lane for lane in study["lanes"] if lane["setup"] == setup]
+        assert own[0]["walk"]
+        assert own[-1]["walk"]
+
+
+@pytest.mark.parametrize(("count", "most"), [(5, 9), (9, 9), (100, 32), (7, 1), (3, 0), (40, 2)])
+def test_a_selection_is_even_and_has_both_ends(count, most):
+    chosen = even_selection(count, most)
+    assert len(chosen) == min(count, most)
+    assert chosen == sorted(set(chosen))
+    if len(chosen) > 1:
+        assert (chosen[0], chosen[-1]) == (0, count - 1)
+        assert np.ptp(np.diff(chosen)) <= 1
+
+
+def test_other_formats_hold_the_same_tables(several, tmp_path):
+    (path,), problems = write(several, tmp_path / "r.md", "md", bibtex=BIBTEX, tell=quiet)
+    text = path.read_text(encoding="utf-8")
+    page = page_of(*several)
+    assert not problems
+    for row in cells(page, "Highest walking distance [m]"):
+        assert "| " + " | ".join(row) + " |" in text
+    paths, _ = write(several, tmp_path / "figures", "pdf-figures", bibtex=BIBTEX, tell=quiet)
+    assert {path.name for path in paths} == {"learning_curves.pdf", "walking_distance.pdf", "claims.pdf"}
+    assert len(paths) == 6
+    for path in paths:
+        assert path.read_bytes().startswith(b"%PDF")
+        (width,) = re.findall(rb"/MediaBox \[ ?0 0 ([\d.]+) ", path.read_bytes())
+        assert float(width) == pytest.approx(7.16 * 72, abs=1)
+
+
+def test_without_a_name_it_lies_in_the_run_folder(four, tmp_path, monkeypatch):
+    run = shutil.copytree(four, tmp_path / "run")
+    assert write([run], None, "html", bibtex=BIBTEX, tell=quiet)[0] == [run / "report.html"]
+    monkeypatch.chdir(tmp_path)
+    assert [str(path) for path in write([run, run], None, "md", bibtex=BIBTEX, tell=quiet)[0]] == [
+        "report.md"
+    ]
