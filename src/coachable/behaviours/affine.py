@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Sequence
 from fractions import Fraction
@@ -34,22 +33,28 @@ def nearest_float(fraction: Fraction) -> float:
     try:
         return float(fraction)
     except OverflowError:
-        return math.copysign(sys.float_info.max, fraction)
+        return sys.float_info.max if fraction > 0 else -sys.float_info.max
 
 
-def is_affine(expression: Expression) -> bool:
-    """Whether an expression is a sum of multiples of signals and a number, by the way it is written."""
+def is_affine(expression: Expression, with_corners: bool = False) -> bool:
+    """Whether an expression is a sum of multiples of signals and a number, by the way it is written.
+
+    **Arguments:** `with_corners`: abs, min and max of such sums will do, too.
+    """
     match expression:
+        case Call("abs" | "min" | "max", arguments) if with_corners:
+            return all(is_affine(argument, True) for argument in arguments)
         case Number() | Constant() | Variable():
             return True
         case Negative(operand):
-            return is_affine(operand)
+            return is_affine(operand, with_corners)
         case Arithmetic(left, "+" | "-", right):
-            return is_affine(left) and is_affine(right)
+            return is_affine(left, with_corners) and is_affine(right, with_corners)
         case Arithmetic(left, "*", right):
-            return is_affine(left) and is_affine(right) and (_is_number(left) or _is_number(right))
+            sides = is_affine(left, with_corners) and is_affine(right, with_corners)
+            return sides and (_is_number(left) or _is_number(right))
         case Arithmetic(left, _, right):
-            return is_affine(left) and _is_number(right) and evaluate(right, {}) != 0.0
+            return is_affine(left, with_corners) and _is_number(right) and evaluate(right, {}) != 0.0
         case _:
             return False
 
@@ -94,8 +99,12 @@ def cut_of(comparison: Comparison, signals: Sequence[str]) -> tuple[object, bool
     """A name for the cut that a comparison makes, equal for `x > 0`, `0 >= x` and `2 * x > 0`; and its side.
 
     The cut is `sum of multiples of signals > number` or the same with `>=`, the first multiple being 1, and
-    `x <= 0` is the other side of `x > 0`.
+    `x <= 0` is the other side of `x > 0`. With abs, min or max in it, a comparison shares its cut only with
+    those of the same two sides.
     """
+    if not (is_affine(comparison.left) and is_affine(comparison.right)):
+        upper = comparison.relation in (">", ">=")
+        return (str(comparison.left), str(comparison.right), upper == (comparison.relation in "<>")), upper
     multiples, number = affine(Arithmetic(comparison.left, "-", comparison.right))
     ordered = [(signal, multiples[signal]) for signal in signals if multiples.get(signal)]
     scale = ordered[0][1] if ordered else Fraction(1)

@@ -66,7 +66,7 @@ def _camp(phase: Phase, speeds: list[str], state: smt.Witness) -> Finding:
         "warning",
         subjects,
         f"{who} and is paid for it: +1 every step, for as long as the episode lasts. No movement earns more.",
-        f"Say how long {phase.name} may last, as in `for at most 0.5 s`; or ask for a speed in it that a "
-        f"standing robot has not, of {' or '.join(speeds)}.",
+        f"Say how long {phase.name} may last, as in `for at most 0.5 s`; or ask in it for a speed that a "
+        f"standing robot does not have: {' or '.join(speeds)}.",
         state,
     )

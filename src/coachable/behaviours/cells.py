@@ -40,27 +40,26 @@ class Cells:
 def cells_of(behaviour: Behaviour) -> Cells | None:
     """The cells that the behaviour's own comparisons cut out.
 
-    `None` if they are too many to count, or if a comparison is not of sums of multiples of signals: what the
-    solver finds then need not be all.
+    `None` if they are too many to count, or if a comparison is not of sums of multiples of signals, with abs,
+    min and max: what the solver finds then need not be all.
     """
     rules = [expanded(phase.predicate) for phase in behaviour.phases]
     comparisons = [part for rule in rules for part in subpredicates(rule) if isinstance(part, Comparison)]
-    if not all(is_affine(side) for comparison in comparisons for side in (comparison.left, comparison.right)):
+    sides = [side for comparison in comparisons for side in (comparison.left, comparison.right)]
+    if not all(is_affine(side, with_corners=True) for side in sides):
         return None
     cuts: dict[object, Comparison] = {}
     for comparison in comparisons:
         cut, upper = cut_of(comparison, behaviour.signal_names)
-        if upper:
-            cuts.setdefault(cut, comparison)
-        else:
-            cuts.setdefault(cut, _opposite(comparison))
+        plain = Comparison(comparison.left, comparison.relation, comparison.right)
+        cuts.setdefault(cut, plain if upper else _opposite(plain))
     found = smt.cells(behaviour.signal_names, tuple(cuts.values()), _MOST_CELLS)
     if found is None:
         return None
-    sides = [dict(zip(cuts, cell, strict=True)) for cell in found]
+    located = [dict(zip(cuts, cell, strict=True)) for cell in found]
     outside = tuple(
         tuple(cuts[cut] if upper else _opposite(cuts[cut]) for cut, upper in cell.items())
-        for cell in sides
+        for cell in located
         if not any(_holds(rule, cell, behaviour.signal_names) for rule in rules)
     )
     return Cells(len(found), outside, _are_signs(tuple(cuts.values())))

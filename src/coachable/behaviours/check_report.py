@@ -21,14 +21,16 @@ _STYLES = {"error": "bold red", "warning": "bold yellow", "note": "bold cyan"}
 
 def print_report(report: Report, behaviour: Behaviour, file: str, line_of: LineOf, console: Console) -> None:
     """Print what was proven, then each finding with its place, its witness and what to do, then the sum."""
-    console.print(Text.assemble((behaviour.name, "bold"), f"   {file}"))
+    console.print(Text.assemble((behaviour.name, "bold"), f"   {file}"), soft_wrap=True)
     console.print(_rows([("proven", ", ".join(report.proven))]))
     for finding in report.findings:
         places = ", ".join(_place(subject, file, line_of) for subject in finding.subjects) or file
         style = _STYLES[finding.severity]
         console.print()
-        console.print(Text.assemble((finding.severity, style), f"  {finding.kind}   ", (places, "dim")))
-        rows = [("", finding.message)]
+        title = Text.assemble((finding.severity, style), f"  {finding.kind}   ", (places, "dim"))
+        console.print(title, soft_wrap=True)
+        console.print(Padding(Text(finding.message), (0, 0, 0, 2)))
+        rows = []
         if finding.witness is not None:
             rows.append(("for example", witness_text(finding.witness, behaviour.signals)))
         rows.append(("what to do", finding.advice))

@@ -11,7 +11,8 @@ from coachable.behaviours.cells import Cells, cells_of
 from coachable.behaviours.findings import Finding, Proven, Result, Subject, Unknown
 from coachable.behaviours.predicates import Any, Not, Predicate, conjuncts
 
-_LISTED = 3
+_LISTED, _SHORT = 3, 5
+"""How many cells are listed, and how few comparisons make a cell short enough to list so many."""
 
 
 def empty_phases(behaviour: Behaviour) -> Iterator[Result]:
@@ -112,12 +113,13 @@ def _share(cells: Cells) -> str:
 def _gap(behaviour: Behaviour, cells: Cells | None) -> str:
     if cells is None:
         return "Some states are in no phase."
-    listed = "; ".join(
-        " and ".join(map(str, smt.essence(behaviour.signal_names, cell))) for cell in cells.outside[:_LISTED]
-    )
-    more = len(cells.outside) - _LISTED
+    number = _LISTED if all(len(cell) <= _SHORT for cell in cells.outside) else 1
+    essences = [smt.essence(behaviour.signal_names, cell) for cell in cells.outside[:number]]
+    listed = "; ".join(" and ".join(map(str, essence)) for essence in essences)
+    more = len(cells.outside) - number
     rest = f"; and {more} more" if more > 0 else ""
+    are = "is" if len(cells.outside) == 1 else "are"
     return (
         f"Some states are in no phase. The comparisons cut all states into {cells.number} {cells.word}, and "
-        f"{len(cells.outside)} of them are outside: {listed}{rest}."
+        f"{len(cells.outside)} of them {are} outside: {listed}{rest}."
     )

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from coachable.behaviours.affine import is_affine
+from coachable.behaviours.corners import without_corners
 from coachable.behaviours.expressions import (
     Arithmetic,
     Call,
@@ -107,7 +108,7 @@ def region(predicate: Predicate, rates: Mapping[str, str], refuted: Refuted) -> 
             return None
         return Crossing(comparison, rate, _OUTWARDS[leaving == (comparison.relation == ">")])
 
-    spelt_out = expanded(predicate)
+    spelt_out = without_corners(expanded(predicate))
     if _count(spelt_out, True) > _MOST_TERMS:
         return Region((Term(predicate, relaxed(predicate)),), False, crossings, refuted)
     terms = []

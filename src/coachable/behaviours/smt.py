@@ -59,6 +59,10 @@ class Question:
         self._claims.append((predicate, state))
         self._required.append(self._encoding.truth(predicate, state))
 
+    def suppose(self, predicate: Predicate, state: State) -> None:
+        """As `require`, for what floats need not agree to: a boundary that no float may lie on."""
+        self._required.append(self._encoding.truth(predicate, state))
+
     def require_that(self, fact: Formula) -> None:
         """Something about the states' symbols that no predicate says."""
         self._required.append(fact)
@@ -73,7 +77,7 @@ class Question:
             answer = self._answer()
             if answer in (z3.unsat, z3.unknown):
                 return True if answer == z3.unsat else None
-            if not self._taught_sines(answer):
+            if self._rounded(answer, self._in_sines()) is not None or not self._taught_sines(answer):
                 return False
         return False
 
@@ -82,15 +86,17 @@ class Question:
 
         Short numbers are preferred. Every requirement made by `require` has been evaluated at it in floats.
         """
+        all_are_left = True
         for _ in range(_ROUNDS):
             answer = self._answer()
             if answer in (z3.unsat, z3.unknown):
-                return False if answer == z3.unsat else None
-            found = self._rounded(answer)
+                return False if answer == z3.unsat and all_are_left else None
+            found = self._rounded(answer, self._encoding.free)
             if found is not None:
                 free = {name: nearest_float(value) for name, value in found.items()}
                 if all(holds(predicate, state.floats(free)) for predicate, state in self._claims):
                     return {signal: free[f"{signal}@0"] for signal in self._signals}
+                all_are_left = False
                 self._required.append(
                     z3.Or([self._encoding.free[name] != z3.RealVal(value) for name, value in found.items()])
                 )
@@ -123,10 +129,20 @@ class Question:
             self._given_up += 1
         return z3.unknown
 
-    def _rounded(self, model: Model) -> dict[str, Fraction] | None:
-        """Short numbers for the free signals, one after the other, as long as the rest can still be met."""
+    def _in_sines(self) -> dict[str, Real]:
+        """The free signals on which the angles depend."""
+        nothing = z3.RealVal(0)
+        angles = [angle for angle, _, _ in self._encoding.sines.values()]
+        return {
+            name: symbol
+            for name, symbol in self._encoding.free.items()
+            if not all(z3.substitute(angle, (symbol, nothing)).eq(angle) for angle in angles)
+        }
+
+    def _rounded(self, model: Model, symbols: Mapping[str, Real]) -> dict[str, Fraction] | None:
+        """Short numbers for free signals, one after the other, as long as the rest can still be met."""
         chosen: dict[str, Fraction] = {}
-        for name, symbol in self._encoding.free.items():
+        for name, symbol in symbols.items():
             for value in dict.fromkeys(self._candidates(symbol, model)):
                 better = self._answer(*self._pinned({**chosen, name: value}))
                 if better not in (z3.unsat, z3.unknown):
@@ -149,7 +165,7 @@ class Question:
                 wanted += [(true + k * turn - at[0]) / (at[1] - at[0]) for k in {turns, 0}]
         for digits in (1, 2, 3, 6):
             yield from (Fraction(f"{nearest_float(value):.{digits}g}") for value in wanted)
-        yield from wanted
+        yield from (2 * wanted[0], *wanted)
 
     def _pinned(self, chosen: Mapping[str, Fraction]) -> Iterator[Formula]:
         values = [(self._encoding.free[name], z3.RealVal(value)) for name, value in chosen.items()]

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from coachable.behaviours import smt
 from coachable.behaviours.behaviour import Behaviour, Edge
-from coachable.behaviours.encoding import State
+from coachable.behaviours.encoding import State, Witness
 from coachable.behaviours.findings import Finding, Proven, Result, Subject, Unknown
-from coachable.behaviours.predicates import Comparison, Predicate, conjuncts, widened
+from coachable.behaviours.predicates import All, Comparison, Predicate, conjuncts, expanded, widened
 from coachable.behaviours.regions import Crossing, Region, region, relaxed
 
 
@@ -32,6 +33,7 @@ class Regions:
 
     entered: Mapping[str, Region]
     lasting: Mapping[str, Region]
+    region_of: Callable[[Predicate], Region]
     signals: tuple[str, ...]
 
     @staticmethod
@@ -39,12 +41,18 @@ class Regions:
         """The regions of all phases."""
         rates = rates_of(behaviour)
 
+        @functools.cache
         def refuted(predicate: Predicate) -> bool | None:
             return smt.refuted(behaviour.signal_names, predicate)
 
+        @functools.cache
+        def region_of(predicate: Predicate) -> Region:
+            return region(predicate, rates, refuted)
+
         return Regions(
-            {phase.name: region(phase.predicate, rates, refuted) for phase in behaviour.phases},
-            {phase.name: region(widened(phase.predicate), rates, refuted) for phase in behaviour.phases},
+            {phase.name: region_of(expanded(phase.predicate)) for phase in behaviour.phases},
+            {phase.name: region_of(widened(phase.predicate)) for phase in behaviour.phases},
+            region_of,
             behaviour.signal_names,
         )
 
@@ -132,39 +140,63 @@ def _apart(behaviour: Behaviour, edge: Edge) -> Finding:
 
 def _forbidden(regions: Regions, edge: Edge) -> Finding:
     source, target = regions.lasting[edge.source], regions.entered[edge.target]
-    demands = [(edge.source, crossing, "stop") for crossing in source.demands(True)]
-    demands += [(edge.target, crossing, "begin") for crossing in target.demands(False)]
+    demands = [(edge.source, crossing, "leave") for crossing in source.demands(True)]
+    demands += [(edge.target, crossing, "enter") for crossing in target.demands(False)]
     alone = [demand for demand in demands if regions.travelled(edge, demand[1].comparison) is False]
-    wants = " and ".join(_demand(*demand) for demand in (alone[:1] or demands))
+    wants = "; ".join(_demand(*demand) for demand in (alone[:1] or demands))
+    fate = "and the phase does not allow it" if alone else "and all that together is not possible"
     return Finding(
         "impossible-edge",
         "error",
         (Subject("edge", str(edge)),),
-        f"No movement goes from {edge.source} to {edge.target}: the derivatives forbid it. {wants}.",
+        f"No movement goes from {edge.source} to {edge.target}: the derivatives forbid it. {wants}, {fate}.",
         f"Turn the edge around, or change what {edge.source} or {edge.target} says about the derivative.",
     )
 
 
 def _demand(phase: str, crossing: Crossing, change: str) -> str:
-    how = "leaves it by" if change == "stop" else "enters it by"
-    return (
-        f"Whoever {how} the boundary of `{crossing.comparison}` has `{crossing}` in {phase} at that moment, "
-        "and nowhere there is that so"
-    )
+    return f"To {change} {phase} across the boundary of `{crossing.comparison}` takes `{crossing}` in {phase}"
 
 
-def _after_either(regions: Regions, question: smt.Question, one: Edge, other: Edge) -> tuple[State, State]:
-    """The states after the one and after the other edge, taken at one state of their source.
+def _both_taken(regions: Regions, phases: Mapping[str, Predicate], one: Edge, other: Edge) -> smt.Question:
+    """The question for a state in which both edges of one source can be taken.
 
-    What an event does to the signals is the same on both; where neither edge tells, nobody knows it.
+    Without a jump, it is where the targets overlap, if that touches the source. With one, it is where both
+    jumps land in their targets. An event does the same to the signals on both edges; what, nobody knows where
+    neither tells.
     """
+    question = smt.Question(regions.signals)
+    state = question.state()
+    targets = (phases[one.target], phases[other.target])
     event = one.event is not None
     resets = (one.reset or other.reset, other.reset or one.reset) if event else (one.reset, other.reset)
-    before = question.state()
-    if event and not any(resets):
-        return before, before
-    question.require(regions.lasting[one.source].closure, before)
-    return question.after(before, resets[0]), question.after(before, resets[1])
+    source = regions.lasting[one.source].closure
+    if any(resets):
+        question.require(source, state)
+        landings = [question.after(state, reset) for reset in resets]
+        for target, landing in zip(targets, landings, strict=True):
+            question.require(target, landing)
+        if one.target == other.target:
+            question.differ(*landings)
+        return question
+    question.require(All(*targets), state)
+    if not event:
+        boundary = question.state()
+        question.suppose(All(source, regions.region_of(expanded(All(*targets))).closure), boundary)
+    return question
+
+
+def _choice(one: Edge, other: Edge, state: Witness) -> Finding:
+    message = f"At one state both {one} and {other} can be taken, and nothing says which."
+    advice = (
+        f"Make {one.target} and {other.target} exclude one another there, or give the edges different events."
+    )
+    if one.target == other.target:
+        jumps = (", ".join(map(str, edge.reset)) or "no jump" for edge in (one, other))
+        message = f"{one} leads to two states at once: {' or '.join(jumps)}."
+        advice = "Give the edges different events, or take one of them out."
+    subjects = tuple(dict.fromkeys((Subject("edge", str(other)), Subject("edge", str(one)))))
+    return Finding("two-edges-at-once", "error", subjects, message, advice, state)
 
 
 def nondeterminism(behaviour: Behaviour, regions: Regions) -> Iterator[Result]:
@@ -176,27 +208,14 @@ def nondeterminism(behaviour: Behaviour, regions: Regions) -> Iterator[Result]:
             continue
         if one.target == other.target and one.reset == other.reset:
             continue
-        question = smt.Question(behaviour.signal_names)
-        after = _after_either(regions, question, one, other)
-        for edge, state in zip((one, other), after, strict=True):
-            question.require(phases[edge.target], state)
-        if one.target == other.target:
-            question.differ(*after)
+        question = _both_taken(regions, phases, one, other)
         match question.witness():
             case False:
                 continue
             case None:
                 yield Unknown(f"whether {one} and {other} are ever possible at once")
             case state:
-                yield Finding(
-                    "two-edges-at-once",
-                    "error",
-                    (Subject("edge", str(other)), Subject("edge", str(one))),
-                    f"At one state both {one} and {other} can be taken, and nothing says which.",
-                    f"Make {one.target} and {other.target} exclude one another there, or give the edges "
-                    "different events.",
-                    state,
-                )
+                yield _choice(one, other, state)
         clear = False
     if clear and any(one.source == other.source for one, other in itertools.combinations(behaviour.edges, 2)):
         yield Proven("never two edges at once")

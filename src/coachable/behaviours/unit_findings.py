@@ -14,9 +14,21 @@ from coachable.behaviours.expressions import (
     Negative,
     Number,
     Variable,
+    subexpressions,
 )
 from coachable.behaviours.findings import Finding, Proven, Result, Subject
-from coachable.behaviours.predicates import All, Any, Between, Comparison, Near, Not, Phrase, Predicate
+from coachable.behaviours.predicates import (
+    All,
+    Any,
+    Between,
+    Comparison,
+    Near,
+    Not,
+    Phrase,
+    Predicate,
+    expressions_of,
+    subpredicates,
+)
 from coachable.behaviours.units import NONE, SECOND, Unit, parse_unit, unfamiliar
 from coachable.errors import BehaviourError
 
@@ -165,7 +177,19 @@ def _name(unit: Unit) -> str:
 def _unreadable(behaviour: Behaviour) -> Iterator[Finding]:
     named = [(Subject("signal", signal.name), signal.unit) for signal in behaviour.signals]
     named += [(Subject("constant", constant.name), constant.number.unit) for constant in behaviour.constants]
+    places = [(Subject("phrase", phrase.words), phrase.predicate) for phrase in behaviour.vocabulary]
+    places += [(Subject("phase", phase.name), phase.predicate) for phase in behaviour.phases]
+    for subject, predicate in places:
+        named += [(subject, number.unit) for number in _numbers_in(predicate)]
+    for edge in behaviour.edges:
+        for jump in edge.reset:
+            numbers = [node for node in subexpressions(jump.expression) if isinstance(node, Number)]
+            named += [(Subject("edge", str(edge)), number.unit) for number in numbers]
+    told = set()
     for subject, unit in named:
+        if unit in told:
+            continue
+        told.add(unit)
         try:
             parse_unit(unit)
         except BehaviourError as error:
@@ -180,6 +204,14 @@ def _unreadable(behaviour: Behaviour) -> Iterator[Finding]:
                     f"{subject} is in {unit}, and {word} is taken for a unit of its own.",
                     f"Did you mean {near}?",
                 )
+
+
+def _numbers_in(predicate: Predicate) -> Iterator[Number]:
+    for expression in expressions_of(predicate):
+        yield from (node for node in subexpressions(expression) if isinstance(node, Number))
+    for part in subpredicates(predicate):
+        if isinstance(part, Comparison | Between) and part.deadband is not None:
+            yield part.deadband
 
 
 def _of_derivative(
