@@ -33,7 +33,7 @@ help:
 	@echo "make study   the paper's whole study into runs/paper; ARGS='--semantics released-code --out runs/released'"
 	@echo "make demo    one setup, a few seeds, under two minutes, into runs/demo"
 	@echo "make test    lint, types and the whole test suite; ARGS='tests/plants -k energy' for a part"
-	@echo "make bench   how fast it is, beside SciPy, stable-baselines3 and sbx; wants an idle machine"
+	@echo "make bench   how fast it is, beside SciPy, stable-baselines3, sbx, rtamt and others; wants an idle machine"
 	@echo "make clean   remove .venv and the tools' caches; runs/ stays"
 
 study: $(CORE)

@@ -46,15 +46,28 @@ def programs(cache: str, quick: bool) -> dict[str, Program]:
     def sb3(flow: str, threads: int | None) -> Program:
         return program("sb3_training", 1, flow=flow, num_updates=updates, threads=threads)
 
+    def classifier(library: str, calls: int) -> Program:
+        return program("coachable_classifier", 3, num_states=100_000, library=library, calls=calls)
+
     def compilation() -> Program:
         return program("coachable_compilation", 0, {"XDG_CACHE_HOME": cache}, num_lanes=60)
 
+    other_monitors = {
+        "pyrewardmachines": program("reward_machine_monitor", 3, num_samples=30_000 // shrink),
+        "rtamt, offline": program("rtamt_monitor", 1, num_samples=10_000 // shrink, online=False),
+        "rtamt, online": program("rtamt_monitor", 1, num_samples=10_000 // shrink, online=True),
+    }
     return {
         "steps": program(
             "coachable_steps", 3, ONE_XLA_THREAD, num_lanes=WIDEST_GROUP, num_steps=50_000 // shrink
         ),
         "SciPy, matrices": program("scipy_steps", 3, flow="matrix", num_steps=5000 // shrink),
         "SciPy, floats": program("scipy_steps", 3, flow="scalar", num_steps=5000 // shrink),
+        "monitor": program("coachable_monitor", 3, num_samples=1_000_000 // shrink, online=False),
+        "monitor, one by one": program("coachable_monitor", 3, num_samples=30_000 // shrink, online=True),
+        **(other_monitors if sys.version_info < (3, 13) else {}),
+        "classifier, NumPy": classifier("numpy", 100 // shrink),
+        "classifier, JAX": classifier("jax", 1000 // shrink),
         "update": program("coachable_update", 5, ONE_XLA_THREAD, num_lanes=8),
         "sgemm 1024": program("sgemm", 5, ONE_BLAS_THREAD, size=1024, products=40 // shrink),
         "sgemm 64": program("sgemm", 5, ONE_BLAS_THREAD, size=64, products=50_000 // shrink),

@@ -53,7 +53,14 @@ class Results:
 def report(measured: Mapping[str, Sequence[Measurement]]) -> list[Row]:
     """The rows of the table."""
     results = Results(measured)
-    return [*_steps(results), *_training(results), *_sbx(results), *_update(results), *_scaling(results)]
+    return [
+        *_steps(results),
+        *_monitor(results),
+        *_training(results),
+        *_sbx(results),
+        *_update(results),
+        *_scaling(results),
+    ]
 
 
 def _steps(results: Results) -> list[Row]:
@@ -62,6 +69,27 @@ def _steps(results: Results) -> list[Row]:
         *(
             _step_row(results, f"… {name}", name, results.faster("steps", name), "≥ 300 ×")
             for name in _named(results, "SciPy")
+        ),
+    ]
+
+
+def _monitor(results: Results) -> list[Row]:
+    def row(title: str, name: str, comparison: str = "", asked_for: str = "", unit: str = "samples") -> Row:
+        figure = f"{significant(results.rate(name))} {unit}/CPU-s"
+        return Row(title, figure, *results.cost(name), comparison, asked_for)
+
+    ours, singly = "monitor", "monitor, one by one"
+    return [
+        row("monitor: coachable, in chunks", ours, asked_for="≥ 1,000,000"),
+        row("… sample by sample", singly),
+        *(
+            # Who has the whole trace is compared with chunks, who is told sample by sample with the same.
+            row(f"… {name}", name, results.faster(ours if name.endswith("offline") else singly, name))
+            for name in (*_named(results, "rtamt"), *_named(results, "pyrewardmachines"))
+        ),
+        *(
+            row(f"{name}, 100,000 at once", name, asked_for="≥ 10,000,000", unit="states")
+            for name in _named(results, "classifier")
         ),
     ]
 

@@ -1,14 +1,33 @@
 import math
+import subprocess
+import sys
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coachable.automata.classifier import Classifier
-from coachable.behaviours import All, Any, Behaviour, Comparison, Not, Phase, Signal, load_behaviour
+from coachable.automata.classifier import Classifier, array_library
+from coachable.behaviours import (
+    All,
+    Any,
+    Behaviour,
+    Between,
+    Comparison,
+    Constant,
+    Near,
+    Not,
+    Number,
+    Phase,
+    Phrase,
+    Signal,
+    Variable,
+    load_behaviour,
+)
+from coachable.behaviours.expressions import Arithmetic, Call, Negative, evaluate
+from coachable.behaviours.predicates import comparisons_of, subpredicates
 
 NAMES = ("x", "y", "z")
 BOUNDS = (-1.0, -0.0, 0.0, 0.5)
@@ -53,6 +72,140 @@ def test_numpy_jax_and_pure_python_agree(predicates, states, dtype):
     assert from_numpy.tolist() == expected
     assert from_jax.tolist() == expected
     assert from_numpy.dtype == from_jax.dtype == np.int32
+
+
+LEAVES = (
+    st.sampled_from(NAMES).map(Variable)
+    | st.sampled_from([-1.5, 0.0, 0.25, 2.0]).map(Number)
+    | st.just(Constant("half", Number(0.5, "rad")))
+)
+
+
+def deeper(inner):
+    """What is made of expressions. Divisors are never −0.0 in one library and 0.0 in another."""
+    divisors = LEAVES | inner.map(lambda part: Call("abs", part))
+    return (
+        inner.map(Negative)
+        | st.builds(Arithmetic, inner, st.sampled_from("+-*"), inner)
+        | st.builds(Arithmetic, inner, st.just("/"), divisors)
+        | st.builds(Call, st.sampled_from(["sin", "cos", "abs"]), inner)
+        | st.builds(Call, st.sampled_from(["min", "max"]), inner, inner)
+        | st.builds(Call, st.sampled_from(["min", "max"]), inner, inner, inner)
+    )
+
+
+EXPRESSIONS = st.recursive(LEAVES, deeper, max_leaves=5)
+OF_EXPRESSIONS = st.recursive(
+    st.builds(Comparison, EXPRESSIONS, st.sampled_from(["<", "<=", ">", ">="]), EXPRESSIONS)
+    | st.builds(Between, EXPRESSIONS, st.just("<"), EXPRESSIONS, st.just("<="), EXPRESSIONS)
+    | st.builds(Near, EXPRESSIONS, EXPRESSIONS, st.sampled_from([0.0, 0.5])),
+    lambda inner: (
+        st.lists(inner, min_size=1, max_size=3).map(lambda parts: All(*parts))
+        | st.lists(inner, min_size=1, max_size=3).map(lambda parts: Any(*parts))
+        | inner.map(Not)
+        | inner.map(lambda part: Phrase("said so", part))
+    ),
+    max_leaves=4,
+)
+TAME = st.sampled_from([-2.0, -0.5, 0.0, 0.5, 1.0, math.nan, math.inf, -math.inf]) | st.floats(-8, 8).map(
+    lambda number: round(number, 3)
+)
+
+
+def is_a_matter_of_rounding(predicate, state):
+    """Whether two sides of a comparison are so near that the last bit of a sine decides."""
+    values = dict(zip(NAMES, state, strict=True))
+    for part in subpredicates(predicate):
+        for comparison in comparisons_of(part) if isinstance(part, Comparison | Between | Near) else ():
+            if "sin" in str(comparison) or "cos" in str(comparison):
+                left, right = (evaluate(side, values) for side in (comparison.left, comparison.right))
+                if abs(left - right) <= 1e-9 * max(1.0, abs(left)):
+                    return True
+                # A sine near zero in a divisor, or in a sine of something huge, can be anything.
+                if max(abs(left), abs(right)) > 1e3:
+                    return True
+    return False
+
+
+@settings(max_examples=50)
+@given(
+    st.lists(OF_EXPRESSIONS, min_size=1, max_size=3),
+    st.lists(st.tuples(TAME, TAME, TAME), min_size=4, max_size=4),
+)
+def test_expressions_mean_the_same_in_numpy_jax_torch_and_pure_python(predicates, states):
+    torch = pytest.importorskip("torch")
+    states = [
+        state for state in states if not any(is_a_matter_of_rounding(part, state) for part in predicates)
+    ]
+    behaviour = behaviour_of(predicates)
+    classifier = Classifier.of(behaviour)
+    expected = [expected_location(behaviour, state) for state in states]
+    batch = np.array(states, np.float64).reshape(-1, 3)
+    assert classifier(batch).tolist() == expected
+    located = classifier(torch.from_numpy(batch.copy()))
+    assert located.tolist() == expected
+    assert located.dtype == torch.int32
+    with jax.enable_x64(True):
+        assert classifier(jnp.asarray(batch)).tolist() == expected
+
+
+def test_division_by_zero_is_silent_and_as_in_ieee_754():
+    # 1/x > 2, y/y >= 0 where that is a number, sin(z) at infinity is none.
+    predicates = [
+        Comparison(Arithmetic(Number(1), "/", Variable("x")), ">", 2),
+        Comparison(Arithmetic(Variable("y"), "/", Variable("y")), ">=", 0),
+        Comparison(Call("sin", Variable("z")), "<=", 1),
+    ]
+    states = np.array([[0.0, 0.0, 0.0], [-0.0, 1.0, 0.0], [-0.0, 0.0, 1.0], [-0.0, 0.0, np.inf]])
+    classifier = Classifier.of(behaviour_of(predicates))
+    assert classifier(states).tolist() == [0, 1, 2, 3]
+    assert [int(classifier(state)) for state in states] == [0, 1, 2, 3]
+    assert jax.jit(classifier)(jnp.asarray(states)).tolist() == [0, 1, 2, 3]
+
+
+def test_numbers_alone_are_worked_out_before_they_meet_an_array():
+    bound = Call("max", Call("sin", Number(0.5)), Arithmetic(Number(1), "/", Number(3)))
+    classifier = Classifier.of(behaviour_of([Comparison(Call("min", Variable("x"), bound), ">=", bound)]))
+    edge = np.float32(math.sin(0.5))
+    states = np.array([[edge, 0, 0], [np.nextafter(edge, np.float32(0)), 0, 0]], np.float32)
+    torch = pytest.importorskip("torch")
+    for array in (states, jnp.asarray(states), torch.from_numpy(states)):
+        assert classifier(array).tolist() == [0, 1]
+
+
+def test_a_torch_tensor_of_any_shape_is_taken():
+    torch = pytest.importorskip("torch")
+    classifier = Classifier.of(load_behaviour("compass-walking"))
+    states = torch.from_numpy(STATES_OF_WALKING)
+    assert classifier(states).tolist() == [0, 1, 2, 3, 4]
+    assert classifier(torch.nn.Parameter(states)).tolist() == [0, 1, 2, 3, 4]
+    assert classifier(states[:, None, :]).shape == (5, 1)
+    assert classifier(states[2]) == 2
+    assert classifier(states[:0]).shape == (0,)
+    assert torch.vmap(classifier)(states).tolist() == [0, 1, 2, 3, 4]
+
+
+def test_torch_is_not_imported_for_others():
+    program = (
+        "import sys, numpy as np, jax.numpy as jnp\n"
+        "from coachable.automata.classifier import Classifier\n"
+        "from coachable.behaviours import load_behaviour\n"
+        "walking = Classifier.of(load_behaviour('compass-walking'))\n"
+        "assert walking(np.zeros(4)) == walking(jnp.zeros(4)) == 4\n"
+        "assert 'torch' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_each_array_knows_its_library():
+    torch = pytest.importorskip("torch")
+    for array, library in (
+        (np.zeros(2), np),
+        (np.float64(0), np),
+        (jnp.zeros(2), jnp),
+        (torch.zeros(2), torch),
+    ):
+        assert array_library(array) is library
 
 
 @pytest.fixture

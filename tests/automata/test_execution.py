@@ -194,6 +194,7 @@ def test_two_ways_to_go_on_are_nondeterminism():
     execution = execute(automaton, (1.0, -1.0), Push(), 2.0)
     assert execution.status is Status.NONDETERMINISM
     assert "down → up on touchdown and down → fast on touchdown" in execution.sentence
+    assert "On touchdown in down at (height = " in execution.sentence
     at_start = execute(automaton, (1.0, 2.0), Push(), 2.0)
     assert at_start.status is Status.NONDETERMINISM
     assert "is in up and in fast" in at_start.sentence

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from coachable.automata.hybrid import HybridAutomaton
-from coachable.behaviours import load_behaviour
+from coachable.behaviours import Assignment, Variable, load_behaviour
 from coachable.errors import BehaviourError
 from coachable.plants import CompassWalker
 
@@ -44,6 +44,16 @@ def test_the_reset_at_touchdown_swaps_the_angles_and_not_the_velocities(x64):
     t_minus = [[(m_h * l**2 + 2 * m * a * l) * c - m * a * b, -m * a * b], [-m * a * b, 0]]
     np.testing.assert_allclose(np.array(t_plus) @ after[2:], np.array(t_minus) @ x[2:], rtol=1e-12)
     np.testing.assert_array_equal(after[:2], x[:2][::-1])
+
+
+def test_a_reset_without_an_event_is_refused():
+    swap = (Assignment("theta_1", Variable("theta_2")),)
+    edges = (*WALKING.edges[:3], dataclasses.replace(WALKING.edges[3], event=None, reset=swap))
+    with pytest.raises(BehaviourError, match=r"O4 → O1: it resets theta_1, .* write O4 → O1 on touchdown"):
+        HybridAutomaton.of(dataclasses.replace(WALKING, edges=edges), WALKER)
+    edges = (*WALKING.edges[:3], dataclasses.replace(WALKING.edges[3], reset=swap))
+    automaton = HybridAutomaton.of(dataclasses.replace(WALKING, edges=edges), WALKER)
+    assert automaton.resets[edges[3]] == WALKER.impact
 
 
 def test_an_event_that_never_happens_to_the_plant_is_refused():

@@ -1,5 +1,6 @@
 """The walking task pays and ends as both semantics say, line by line, and across episodes."""
 
+import dataclasses
 import inspect
 from functools import partial
 
@@ -9,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coachable.behaviours import Behaviour, Comparison, Phase, Signal, load_behaviour
+from coachable.automata.tracker import Memory
+from coachable.behaviours import Behaviour, Comparison, Dwell, Phase, Signal, load_behaviour
 from coachable.envs.walking_task import NO_BOX, make_task
 from coachable.errors import ParameterError
 from coachable.plants import START, ChatterRule, CompassParameters, CompassWalker, Outcome, advance
@@ -292,6 +294,50 @@ def test_a_behaviour_of_ones_own_is_what_is_paid_for():
     task = make_task(SETUP, behaviour=forward)
     states = jnp.array([[-0.2, 0.0, 0.0, 0.0], [0.2, 0.0, 0.0, 0.0]])
     assert jax.vmap(task.locate)(states).tolist() == [0, 1]
+
+
+def orthant_terms(behaviour, semantics, num_steps=60):
+    """What r_or pays under the constant torque, and the phases; falls reset the episode."""
+    task = make_task(SETUP, semantics, behaviour=behaviour, reward_variant="stay")
+
+    def step(state, _):
+        state, timestep = task.step(state, jnp.array([-1.35, -0.18]))
+        return state, (timestep.terms[TERM_NAMES.index("orthant")], timestep.phase)
+
+    _, told = jax.jit(lambda: jax.lax.scan(step, task.init(), length=num_steps))()
+    return [np.asarray(told_of).tolist() for told_of in told]
+
+
+@each_semantics
+def test_dwell_times_are_paid_in_the_task(semantics):
+    walking = load_behaviour("compass-walking")
+    plain, phases = orthant_terms(walking, semantics)
+    where = walking.phase_names.index("O3")
+    inside = [index for index, phase in enumerate(phases) if phase == where]
+    first, last = inside[0], inside[-1]
+    assert inside == list(range(first, last + 1))
+    assert last - first > 5
+
+    limited = dataclasses.replace(walking.phases[where], dwell=Dwell(5.0, 0.03))
+    others = tuple(limited if phase.name == "O3" else phase for phase in walking.phases)
+    paid, seen = orthant_terms(dataclasses.replace(walking, phases=others), semantics)
+    assert seen == phases
+    changed = [index for index, pay in enumerate(paid) if pay != plain[index]]
+    # Four samples on it has been there for more than 0.03 s, and leaving comes before the 5 s are over.
+    too_long, too_short = range(first + 4, last + 1), [last + 1] if first > 0 or semantics == PAPER else []
+    assert changed == [index for index in [*too_long, *too_short] if plain[index] == 1]
+    assert {paid[index] for index in changed} == {-1}
+
+
+def test_the_next_episode_of_the_released_code_forgets_how_long_it_was_where_it_was():
+    walking = load_behaviour("compass-walking")
+    phases = tuple(dataclasses.replace(phase, dwell=Dwell(0.1, 0.2)) for phase in walking.phases)
+    task = make_task(SETUP, RELEASED, behaviour=dataclasses.replace(walking, phases=phases))
+    start = task.init()
+    assert start.memory.location == task.phase_reward.none_yet
+    remembered = Memory(jnp.asarray(1, jnp.int32), jnp.asarray(0.07), jnp.asarray(True))
+    again = task.reset(dataclasses.replace(start, memory=remembered)).memory
+    assert (again.location, again.time, again.entered) == (1, 0, False)
 
 
 def test_mistakes_are_refused_where_they_are_made():

@@ -1,3 +1,4 @@
+import dataclasses
 import itertools
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coachable.behaviours import Behaviour, Comparison, Edge, Phase, Signal, load_behaviour
+from coachable.behaviours import All, Behaviour, Comparison, Dwell, Edge, Phase, Signal, load_behaviour
 from coachable.rewards.phase_reward import VARIANTS, PhaseReward, reward_table
 
 
@@ -148,6 +149,75 @@ def test_a_state_is_paid_through_its_location():
     assert reward(reward.locate(trails), reward.locate(leads)) == -1
     start = jnp.array([0.0, 0.0, -0.4, 2.0])
     assert reward.locate(start) == reward.outside
+
+
+STATES = np.random.default_rng(0).normal(size=(3, 40, 4)).astype(np.float32)
+
+
+def paid(reward, states):
+    """What runs side by side are paid, sample after sample, in the library of the states."""
+    memory, pays = reward.start(states[:, 0]), []
+    for sample in range(1, states.shape[1]):
+        memory, _, pay = reward.advance(memory, states[:, sample], 0.01)
+        pays.append(pay.tolist())
+    return pays
+
+
+def walking_with(dwell=None, deadband=None):
+    first, *others = WALKING.phases
+    inside = All(Comparison("theta_1", ">", 0, deadband), *first.predicate.parts[1:])
+    changed = dataclasses.replace(first, predicate=inside, dwell=dwell)
+    return dataclasses.replace(WALKING, phases=(changed, *others))
+
+
+@pytest.mark.parametrize("variant", ["stay", "equation"])
+@pytest.mark.parametrize("behaviour", [WALKING, walking_with(Dwell(0.015, 0.02)), walking_with(deadband=0.5)])
+def test_numpy_jax_and_torch_are_paid_alike(behaviour, variant):
+    torch = pytest.importorskip("torch")
+    reward = PhaseReward.of(behaviour, variant)
+    from_numpy = paid(reward, STATES)
+    assert from_numpy == paid(reward, jnp.asarray(STATES)) == paid(reward, torch.from_numpy(STATES))
+    assert {pay for pays in from_numpy for pay in pays} == {-1, 1}
+
+
+def test_without_deadband_and_dwell_memory_pays_what_the_table_says():
+    for variant in VARIANTS:
+        reward = PhaseReward.of(WALKING, variant)
+        locations = reward.classifier(STATES)
+        table = reward_table(WALKING, variant)
+        assert paid(reward, STATES) == table[locations[:, :-1], locations[:, 1:]].T.tolist()
+
+
+IN_O1, IN_O2 = np.array([0.1, -0.1, -1.0, 1.0]), np.array([0.1, 0.1, -1.0, 1.0])
+
+
+def test_a_violated_dwell_time_pays_minus_one():
+    reward = PhaseReward.of(walking_with(Dwell(0.03, 0.05)))
+    outside = -IN_O1
+
+    def pays(*states):
+        return [pay for (pay,) in paid(reward, np.stack([outside, *states])[None])]
+
+    # O1 → O2 after 0.02, 0.03 and 0.05 s; and staying in O1 beyond 0.05 s, until it is left.
+    assert pays(*[IN_O1] * 2, IN_O2, IN_O2) == [1, 1, -1, 1]
+    assert pays(*[IN_O1] * 3, IN_O2, IN_O2) == [1, 1, 1, 1, 1]
+    assert pays(*[IN_O1] * 5, IN_O2) == [1] * 6
+    assert pays(*[IN_O1] * 8, IN_O2) == [1] * 6 + [-1, -1, 1]
+
+
+def test_a_deadband_pays_for_staying_where_a_wobble_would_not():
+    wobble = IN_O1 * [-0.1, 1, 1, 1]
+    run = np.stack([IN_O1, wobble, IN_O1, IN_O1])[None]
+    assert paid(PhaseReward.of(WALKING), run) == [[-1], [1], [1]]
+    assert paid(PhaseReward.of(walking_with(deadband=0.02)), run) == [[1], [1], [1]]
+
+
+def test_nothing_is_paid_for_the_first_sample_of_a_run_of_which_nothing_was_seen():
+    reward = PhaseReward.of(walking_with(Dwell(0.03)))
+    memory, _, pay = reward.advance(reward.before_all(IN_O1), IN_O1, 0.01)
+    assert pay == 0
+    _, _, pay = reward.advance(memory, IN_O2, 0.01)
+    assert pay == 1
 
 
 def test_only_the_table_is_traced():

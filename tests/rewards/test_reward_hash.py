@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from coachable.behaviours import All, Comparison, Edge, Not, Phase, load_behaviour
+from coachable.behaviours import All, Comparison, Dwell, Edge, Not, Number, Phase, load_behaviour
 from coachable.rewards.phase_reward import Variant
 from coachable.rewards.reward_hash import reward_hash
 from coachable.rewards.setup import PAPER_SETUPS, RewardSetup, Semantics
@@ -103,6 +103,46 @@ def test_all_that_is_paid_matters():
         ),
     ]
     assert len(set(different)) == len(different)
+
+
+def with_dwell(index, dwell):
+    phases = list(WALKING.phases)
+    phases[index] = dataclasses.replace(phases[index], dwell=dwell)
+    return dataclasses.replace(WALKING, phases=tuple(phases))
+
+
+def with_deadband(deadband):
+    return with_predicate(0, lambda p: All(Comparison("theta_1", ">", 0, deadband), *p.parts[1:]))
+
+
+def test_dwell_times_and_deadbands_matter():
+    different = [
+        hash_of(),
+        hash_of(with_dwell(0, Dwell(0.05))),
+        hash_of(with_dwell(1, Dwell(0.05))),
+        hash_of(with_dwell(0, Dwell(0.06))),
+        hash_of(with_dwell(0, Dwell(at_most=0.4))),
+        hash_of(with_dwell(0, Dwell(0.05, 0.4))),
+        hash_of(with_deadband(0.01)),
+        hash_of(with_deadband(0.02)),
+    ]
+    assert len(set(different)) == len(different)
+
+
+def test_a_dwell_time_that_limits_nothing_and_a_deadband_of_nothing_do_not():
+    assert hash_of(with_dwell(0, Dwell())) == hash_of()
+    assert hash_of(with_dwell(2, Dwell(0.0))) == hash_of()
+    assert hash_of(with_deadband(0)) == hash_of()
+    assert hash_of(with_deadband(Number(0.01, "rad"))) == hash_of(with_deadband(0.01))
+
+
+def test_the_hashes_of_the_runs_that_are_published_stay():
+    assert hash_of() == "f0143aaa164259efb60c19caca71d37b7231e2f1750e6da1d9686899ce988a6d"
+    released = load_behaviour("compass-walking-released")
+    assert (
+        hash_of(released, "released", "released-code")
+        == "7128d4a6b7838ae0e9b2a1aba78ef19e0ad6b0fcb7b5cbb63fa9221c1278b716"
+    )
 
 
 def test_setups_with_equal_weights_are_paid_alike():

@@ -15,7 +15,7 @@ from coachable.behaviours.behaviour import Behaviour, Dwell, Edge
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import TraceError
 
-Column = Sequence[float] | np.ndarray
+Column = Sequence[int | float] | np.ndarray
 
 
 class Monitor:
@@ -215,7 +215,8 @@ class Monitor:
     def _require_signals(self, values: Mapping[str, object]) -> None:
         for name in self.behaviour.signal_names:
             if name not in values:
-                raise TraceError(f"signal {name} has no value; {suggestion(name, values)}")
+                others = [other for other in values if other not in self.behaviour.signal_names]
+                raise TraceError(f"signal {name} has no value; {suggestion(name, others or values)}")
 
     def _backwards(self, row: int, last: float, time: float) -> TraceError:
         return TraceError(

@@ -97,7 +97,9 @@ def _columns(path: Path, names: list[str], signals: tuple[Signal, ...], *, with_
         columns[""] = column_of("the time", times[0], "s")
     for signal in signals:
         if signal.name not in found:
-            raise TraceError(f"{path}: there is no column {signal.name}; {suggestion(signal.name, found)}")
+            others = found.keys() - {other.name for other in signals} - set(TIME_NAMES)
+            hint = suggestion(signal.name, sorted(others or found))
+            raise TraceError(f"{path}: there is no column {signal.name}; {hint}")
         columns[signal.name] = column_of("the behaviour's signal", signal.name, signal.unit)
     return columns
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,16 @@ from jaxtyping import Bool, Float, Int
 
 from coachable.automata.classifier import Classifier, array_library, holds_at
 from coachable.behaviours.behaviour import Behaviour, Dwell, Phase
-from coachable.behaviours.predicates import Comparison, Predicate, expanded, holds, subpredicates, widened
+from coachable.behaviours.predicates import (
+    All,
+    Comparison,
+    Phrase,
+    Predicate,
+    expanded,
+    holds,
+    subpredicates,
+    widened,
+)
 
 CLOCK_TOLERANCE = 1e-3
 """A dwell time is violated only by more than this share of a sample: sums of steps are not exact."""
@@ -176,10 +186,15 @@ class Tracker:
         with np.errstate(all="ignore"):
             if staying is not None and holds(staying, values, np):
                 return previous
-            for index, predicate in enumerate(self.classifier.predicates):
-                if holds(predicate, values, np):
+            for index, conditions in enumerate(self._conditions):
+                if all(holds(condition, values, np) for condition in conditions):
                     return index
         return outside
+
+    @cached_property
+    def _conditions(self) -> tuple[tuple[Predicate, ...], ...]:
+        """What must hold in each phase, one by one, so that one sample need not be asked for all of it."""
+        return tuple(tuple(_conditions(predicate)) for predicate in self.classifier.predicates)
 
     def _fresh(self, signals: Float[Any, "*batch num_signals"], location: Int[Any, "*batch"]) -> Memory:
         if not self.has_dwells:
@@ -194,6 +209,17 @@ def has_deadband(predicate: Predicate) -> bool:
         isinstance(part, Comparison) and part.deadband is not None and part.deadband.value > 0
         for part in subpredicates(expanded(predicate))
     )
+
+
+def _conditions(predicate: Predicate) -> Iterator[Predicate]:
+    match predicate:
+        case All(parts=parts):
+            for part in parts:
+                yield from _conditions(part)
+        case Phrase(predicate=part):
+            yield from _conditions(part)
+        case _:
+            yield predicate
 
 
 def _dwell(phase: Phase) -> Dwell | None:

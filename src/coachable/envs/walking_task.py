@@ -121,8 +121,10 @@ class WalkingTask(Task):
     def reset(self, state: WalkingState, key: PRNGKeyArray | None = None) -> WalkingState:
         """Return the start of the next episode; the released code remembers its last location and torque."""
 
-        def outlives(s: WalkingState) -> tuple[Array, ...]:
-            return (s.total_steps,) + ((s.memory.location, s.control) if self.semantics != "paper" else ())
+        def outlives(s):
+            return (
+                s.total_steps if self.semantics == "paper" else (s.total_steps, s.memory.location, s.control)
+            )
 
         return eqx.tree_at(outlives, self.init(), outlives(state))
 

@@ -1,0 +1,207 @@
+import csv
+import gzip
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from coachable import cli
+from coachable.automata.explanation import as_json, as_text, explain
+from coachable.automata.monitor import Monitor
+from coachable.automata.trace_file import read_trace
+from coachable.behaviours import load_behaviour
+from coachable.envs.baselines import baseline
+from coachable.errors import TraceError
+
+WALKING = load_behaviour("compass-walking")
+NAMES = WALKING.signal_names
+
+
+@pytest.fixture(scope="module")
+def walk():
+    trajectory = baseline("virtual-gravity").trajectory
+    return {"t": trajectory.time} | {name: getattr(trajectory, name) for name in NAMES}
+
+
+def write(path, columns):
+    """Write columns as CSV, with every digit."""
+    with gzip.open(path, "wt", newline="") if path.suffix == ".gz" else path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*(map(repr, map(float, column)) for column in columns.values()), strict=True))
+    return path
+
+
+def run(capsys, *arguments):
+    with pytest.raises(SystemExit) as left:
+        cli.main(["explain", *map(str, arguments)])
+    out, err = capsys.readouterr()
+    return left.value.code, out, err
+
+
+def test_a_file_is_explained_as_the_monitor_explains_its_rows(walk, tmp_path, monkeypatch):
+    monkeypatch.setattr("coachable.automata.trace_file._BYTES_OF_CSV", 4096)
+    path = write(tmp_path / "walk.csv", walk)
+    monitor = Monitor(WALKING)
+    columns = {name: walk[name] for name in NAMES}
+    violations = monitor.feed_rows(walk["t"], columns)[1]
+    chunks = []
+    explanation = explain(WALKING, path, limit=None, progress=chunks.append)
+    assert explanation.shown == violations
+    assert explanation.report == monitor.report()
+    assert len(chunks) > 1
+
+
+def test_virtual_gravity_leaves_the_cycle_at_every_touchdown(walk, tmp_path, capsys):
+    path = write(tmp_path / "walk.csv", walk)
+    code, out, _ = run(capsys, "compass-walking", path, "--limit", 2)
+    assert code == 1
+    assert "1,001 samples, t = 0 s to 10 s" in out
+    assert "97.4 % of the samples" in out
+    assert "(starts in no phase: 1, leaves all phases: 13)" in out
+    assert "t = 0.36 s: O4 → outside leaves all phases." in out
+    assert "O1: dtheta_2 fell short of its bound 0 by 0.314 rad/s." in out
+    assert "… and 12 more; --all shows them." in out
+    code, out, _ = run(capsys, "compass-walking", path, "--all")
+    assert out.count("leaves all phases.") == 13
+
+
+def test_a_trace_that_follows_exits_with_zero(walk, tmp_path, capsys):
+    rows = slice(5, 30)
+    path = write(tmp_path / "part.csv", {name: column[rows] for name, column in walk.items()})
+    cli.main(["explain", "compass-walking", str(path)])
+    out = capsys.readouterr().out
+    assert out.endswith("It follows the behaviour.\n")
+
+
+def test_json_says_the_same(walk, tmp_path, capsys):
+    path = write(tmp_path / "walk.csv", walk)
+    code, out, _ = run(capsys, "compass-walking", path, "--json", "--limit", 3)
+    told = json.loads(out)
+    assert code == 1
+    assert told["follows"] is False
+    assert told["samples"] == 1001
+    assert told["violations"] == {"starts in no phase": 1, "leaves all phases": 13}
+    assert [violation["t"] for violation in told["shown"]] == [0.0, 0.36, 1.12]
+    assert told["first_violation"] == told["shown"][0]
+    assert [phase["phase"] for phase in told["phases"]] == ["O1", "O2", "O3", "O4"]
+    assert told["phases"][0]["stays"] == 13
+
+
+def test_the_phase_at_each_moment_can_be_written_down(walk, tmp_path):
+    phases = tmp_path / "phases.csv"
+    explain(WALKING, write(tmp_path / "walk.csv", walk), phases=phases)
+    with phases.open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["t [s]"]) for row in rows] == walk["t"].tolist()
+    expected = [WALKING.phase_at({name: walk[name][row] for name in NAMES}) or "" for row in range(len(rows))]
+    assert [row["phase"] for row in rows] == expected
+
+
+def test_every_kind_of_file_holds_the_same(walk, tmp_path):
+    named = {"time [s]": walk["t"], "theta_1 [rad]": walk["theta_1"], "dtheta_1 [ rad/s ]": walk["dtheta_1"]}
+    named |= {"other": walk["t"], "theta_2": walk["theta_2"], "dtheta_2": walk["dtheta_2"]}
+    table = pa.table({name: np.asarray(column) for name, column in named.items()})
+    pq.write_table(table, tmp_path / "walk.parquet")
+    plain = explain(WALKING, write(tmp_path / "walk.csv", walk))
+    for path in (
+        write(tmp_path / "named.csv", named),
+        write(tmp_path / "named.csv.gz", named),
+        tmp_path / "walk.parquet",
+    ):
+        explanation = explain(WALKING, path)
+        assert (explanation.report, explanation.shown) == (plain.report, plain.shown)
+
+
+def test_dt_takes_the_place_of_a_time_column(walk, tmp_path):
+    path = write(tmp_path / "walk.csv", {name: walk[name] for name in NAMES})
+    report = explain(WALKING, path, dt=0.5).report
+    assert (report.start, report.end) == (0.0, 500.0)
+    with pytest.raises(TraceError, match="there is no column t or time; say with --dt"):
+        explain(WALKING, path)
+
+
+def test_an_empty_cell_is_outside_and_named(walk, tmp_path):
+    path = tmp_path / "gap.csv"
+    path.write_text("t,theta_1,theta_2,dtheta_1,dtheta_2\n0,0.1,-0.1,-1,1\n1,0.1,,-1,1\n")
+    (violation,) = explain(WALKING, path).shown
+    assert violation.sentence == "t = 1 s: O1 → outside leaves all phases. theta_2 is NaN."
+
+
+HEADER = "t,theta_1,theta_2,dtheta_1,dtheta_2\n"
+ROW = "0,0.1,-0.1,-1,1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "the file is empty"),
+        (HEADER, "it has a header but no rows"),
+        (HEADER.replace("theta_2", "tetha_2", 1) + ROW, r"no column theta_2; did you mean 'tetha_2'\?"),
+        (HEADER.replace(",dtheta_1", ",dtheta_1 [deg/s]") + ROW, "dtheta_1 is in deg/s, but .* in rad/s"),
+        (HEADER.replace("t,", "t [ms],", 1) + ROW, "column t is in ms, but the time is in s"),
+        (HEADER.replace("dtheta_2", "hip") + ROW, "no column dtheta_2; known: 'hip'"),
+        (HEADER.replace("\n", ",theta_1\n") + "0,1,1,1,1,1\n", "more than one column theta_1"),
+        (HEADER.replace("\n", ",theta_1 [rad]\n") + "0,1,1,1,1,1\n", "more than one column theta_1"),
+        (HEADER + ROW + "1,high,0,0,0\n", "invalid value 'high'"),
+        (HEADER + ROW + "1,0\n", "Expected 5 columns, got 2"),
+        (HEADER + ROW + ROW, "sample 2: the time goes from 0 s to 0 s"),
+        (HEADER + ROW.replace("0,", ",", 1), "sample 1: its time is not a number"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_told_apart_and_exits_with_two(text, words, tmp_path, capsys):
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    with pytest.raises(TraceError, match=words) as told:
+        explain(WALKING, path)
+    assert str(told.value).startswith(f"{path}: ")
+    code, out, err = run(capsys, "compass-walking", path)
+    assert (code, out) == (2, "")
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("name", ["noise.csv", "noise.csv.gz", "noise.parquet"])
+def test_noise_is_no_trace(name, tmp_path):
+    path = tmp_path / name
+    path.write_bytes(np.random.default_rng(0).bytes(5000))
+    with pytest.raises(TraceError, match=name):
+        explain(WALKING, path)
+
+
+def test_a_missing_file_and_a_senseless_dt_are_refused(tmp_path):
+    with pytest.raises(TraceError, match="there is no such file"):
+        list(read_trace(tmp_path / "none.csv", WALKING.signals))
+    path = tmp_path / "some.csv"
+    path.write_text(HEADER + ROW)
+    for dt in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(TraceError, match="greater than zero"):
+            list(read_trace(path, WALKING.signals, dt))
+
+
+def test_an_unknown_behaviour_exits_with_two(tmp_path, capsys):
+    code, _, err = run(capsys, "compass-wandering", tmp_path / "none.csv")
+    assert code == 2
+    assert "did you mean 'compass-walking'?" in err
+
+
+def test_help_has_examples(capsys):
+    code, out, _ = run(capsys, "--help")
+    assert code == 0
+    assert "coachable explain compass-walking log.csv" in out
+
+
+def test_as_text_and_as_json_agree_on_the_numbers(walk, tmp_path):
+    explanation = explain(WALKING, write(tmp_path / "walk.csv", walk))
+    text, told = as_text(explanation), as_json(explanation)
+    for phase in told["phases"]:
+        assert f"{phase['mean']:.3f}" in text
+        assert f"{100 * phase['share']:.1f} %" in text
+
+
+def test_explaining_loads_no_jax():
+    program = "import sys, coachable.automata.explanation\nassert 'jax' not in sys.modules"
+    subprocess.run([sys.executable, "-c", program], check=True)

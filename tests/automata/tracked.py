@@ -1,0 +1,90 @@
+"""Random behaviours with deadbands and dwell times, and an oracle that follows a run in plain Python."""
+
+import math
+from typing import NamedTuple
+
+from hypothesis import strategies as st
+
+from coachable.behaviours import All, Behaviour, Comparison, Dwell, Edge, Phase, Signal
+
+DT = 0.25
+"""Sums of quarters are exact in every float."""
+
+X = st.sampled_from([-0.3, -0.1, -0.05, 0.0, 0.05, 0.1, 0.3, math.nan])
+RUNS = st.lists(X, min_size=1, max_size=30)
+
+_COMPARISONS = st.builds(
+    Comparison,
+    st.just("x"),
+    st.sampled_from(["<", "<=", ">", ">="]),
+    st.sampled_from([-0.1, 0.0, 0.1]),
+    st.sampled_from([None, None, 0.0, 0.07, 0.25]),
+)
+_DWELLS = st.sampled_from(
+    [None, Dwell(0.5), Dwell(at_most=0.5), Dwell(0.5, 0.75), Dwell(), Dwell(at_most=0.0)]
+)
+
+
+@st.composite
+def descriptions(draw):
+    """Phases and pairs of them. Tests make the `Behaviour`: its type checks draw random numbers."""
+    names = [f"P{index}" for index in range(draw(st.integers(1, 3)))]
+    phases = [
+        Phase(name, "", All(*draw(st.lists(_COMPARISONS, min_size=1, max_size=2))), draw(_DWELLS))
+        for name in names
+    ]
+    pairs = draw(st.lists(st.tuples(st.sampled_from(names), st.sampled_from(names)), unique=True, max_size=5))
+    return phases, pairs
+
+
+def behaviour_of(description):
+    phases, pairs = description
+    edges = tuple(Edge(*pair) for pair in pairs)
+    return Behaviour("random", "", (Signal("x"),), tuple(phases), edges)
+
+
+class Step(NamedTuple):
+    previous: str | None
+    phase: str | None
+    first: bool
+    too_short: bool
+    too_long: bool
+
+
+def follow(behaviour, xs):
+    """What every sample brings, by the words of the decision on deadband and dwell."""
+    phases = {phase.name: phase for phase in behaviour.phases}
+    steps, previous, samples_in, entered = [], None, 0, False
+    for index, x in enumerate(xs):
+        phase = behaviour.phase_at({"x": x})
+        if previous is not None and _stays(phases[previous], x):
+            phase = previous
+        too_short = too_long = False
+        if index:
+            samples_in += 1
+            dwell = (phases[previous].dwell if previous is not None else None) or Dwell()
+            too_short = phase != previous and entered and samples_in * DT < dwell.at_least
+            too_long = phase == previous and samples_in * DT > dwell.at_most
+            if phase != previous:
+                samples_in, entered = 0, True
+        steps.append(Step(previous, phase, index == 0, too_short, too_long))
+        previous = phase
+    return steps
+
+
+def _stays(phase, x):
+    """Whether every comparison of a phase that has a deadband holds, or fails by no more than that."""
+    if math.isnan(x) or not any(part.deadband and part.deadband.value for part in phase.predicate.parts):
+        return False
+    for part in phase.predicate.parts:
+        wide = part.deadband.value if part.deadband else 0.0
+        bound = part.right.value
+        met = {
+            "<": x < bound + wide,
+            "<=": x <= bound + wide,
+            ">": x > bound - wide,
+            ">=": x >= bound - wide,
+        }
+        if not met[part.relation]:
+            return False
+    return True
