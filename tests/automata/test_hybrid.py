@@ -48,6 +48,6 @@ def test_the_reset_at_touchdown_swaps_the_angles_and_not_the_velocities(x64):
 
 def test_an_event_that_never_happens_to_the_plant_is_refused():
     edges = (*WALKING.edges[:3], dataclasses.replace(WALKING.edges[3], event="touch-down"))
-    behaviour = dataclasses.replace(WALKING, edges=edges)
+    behaviour = dataclasses.replace(WALKING, edges=edges, cycles=())
     with pytest.raises(BehaviourError, match=r"O4 → O1 on touch-down: .* did you mean 'touchdown'\?"):
         HybridAutomaton.of(behaviour, WALKER)
