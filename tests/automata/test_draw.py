@@ -15,6 +15,8 @@ from coachable.automata.layout import Ring, drawing_order
 from coachable.automata.notation import pretty_name, pretty_predicate
 from coachable.behaviours import All, Any, Behaviour, Comparison, Edge, Not, Phase, Signal, load_behaviour
 from coachable.behaviours.library import SHIPPED
+from coachable.behaviours.parser import parse
+from coachable.behaviours.printer import to_text
 
 SVG = "{http://www.w3.org/2000/svg}"
 WALKING = load_behaviour("compass-walking")
@@ -67,11 +69,13 @@ def test_the_pictograms_lean_as_the_signs_say():
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_every_shipped_behaviour_fits_a_readme_and_is_drawn_alike_each_time(name):
+def test_every_shipped_behaviour_is_drawn_alike_each_time(name):
     behaviour = load_behaviour(name)
-    svg = automaton_svg(behaviour)
-    assert svg == automaton_svg(Behaviour.from_json(behaviour.to_json()))
-    assert float(attribute(ET.fromstring(svg), "width")) <= 860
+    assert automaton_svg(behaviour) == automaton_svg(parse(to_text(behaviour)))
+
+
+def test_ideal_walking_fits_a_readme():
+    assert float(attribute(ET.fromstring(automaton_svg(WALKING)), "width")) <= 860
 
 
 def test_nothing_lies_on_anything_else():
@@ -131,7 +135,7 @@ def test_phases_that_form_no_cycle_stand_as_they_are_given_with_all_their_edges(
 def test_edges_between_the_same_phases_share_an_arrow():
     behaviour = graph(2, (0, 1), (1, 0))
     more = (*behaviour.edges, Edge("P0", "P1", "slip"), Edge("P0", "P1", "trip"))
-    svg = automaton_svg(dataclasses.replace(behaviour, edges=more))
+    svg = automaton_svg(dataclasses.replace(behaviour, edges=more, cycles=()))
     assert len(elements(svg, "path", "edge")) == 2
     assert texts(svg, "event") == ["slip", "trip"]
 

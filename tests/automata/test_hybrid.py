@@ -58,6 +58,6 @@ def test_a_reset_without_an_event_is_refused():
 
 def test_an_event_that_never_happens_to_the_plant_is_refused():
     edges = (*WALKING.edges[:3], dataclasses.replace(WALKING.edges[3], event="touch-down"))
-    behaviour = dataclasses.replace(WALKING, edges=edges)
+    behaviour = dataclasses.replace(WALKING, edges=edges, cycles=())
     with pytest.raises(BehaviourError, match=r"O4 → O1 on touch-down: .* did you mean 'touchdown'\?"):
         HybridAutomaton.of(behaviour, WALKER)

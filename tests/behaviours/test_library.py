@@ -2,9 +2,14 @@ import itertools
 
 import pytest
 
-from coachable.behaviours import Behaviour, load_behaviour
-from coachable.behaviours.library import SHIPPED
+from coachable.behaviours import load_behaviour
+from coachable.behaviours.document import formatted_file
+from coachable.behaviours.library import LIBRARY, SHIPPED
+from coachable.behaviours.parser import parse
+from coachable.behaviours.printer import to_text
 from coachable.errors import BehaviourError
+from coachable.rewards.reward_hash import reward_hash
+from coachable.rewards.setup import PAPER_SETUPS
 
 STATES: list[dict[str, float]] = [
     dict(zip(("theta_1", "theta_2", "dtheta_1", "dtheta_2"), values, strict=True))
@@ -19,7 +24,88 @@ def test_every_shipped_behaviour_keeps_the_contract(name):
     assert behaviour.description
     assert all(phase.title for phase in behaviour.phases)
     assert all(signal.unit and signal.description for signal in behaviour.signals)
-    assert Behaviour.from_json(behaviour.to_json()) == behaviour
+    assert behaviour.cycles
+    assert parse(to_text(behaviour)) == behaviour
+
+
+def test_the_names_are_those_of_the_files():
+    assert list(SHIPPED) == sorted(path.stem for path in LIBRARY.glob("*.behaviour"))
+
+
+@pytest.mark.parametrize("path", sorted(LIBRARY.iterdir()), ids=lambda path: path.name)
+def test_every_shipped_file_is_formatted(path):
+    text, formatted = formatted_file(path)
+    assert text == formatted
+
+
+# From the description in Python that the files replaced.
+REWARDS = {
+    "compass-walking": "f0143aaa164259efb60c19caca71d37b7231e2f1750e6da1d9686899ce988a6d",
+    "compass-walking-released": "302cfcc5d42707cb9e261544d6c3b5753da5e41419a349da8f18dec21e7a23b7",
+}
+TITLES = {
+    "O1": "swing leg behind the hip",
+    "O2": "swing leg ahead of the hip",
+    "O3": "hip ahead of the stance foot",
+    "O4": "swing leg comes back",
+}
+
+
+@pytest.mark.parametrize("name", REWARDS)
+def test_ideal_walking_is_what_it_was_in_python(name):
+    behaviour = load_behaviour(name)
+    assert reward_hash(behaviour, "stay", "paper", PAPER_SETUPS["orthant"]) == REWARDS[name]
+    assert {phase.name: phase.title for phase in behaviour.phases} == TITLES
+    assert behaviour.signal_names == ("theta_1", "theta_2", "dtheta_1", "dtheta_2")
+    assert behaviour.signals[2].derivative_of == "theta_1"
+    assert behaviour.cycles == (behaviour.edges,)
+
+
+def test_the_fifth_phase_is_the_orthant_right_after_touchdown():
+    behaviour = load_behaviour("compass-walking-five-phases")
+    four = load_behaviour("compass-walking")
+    for state in STATES:
+        fifth = all(
+            (state["theta_1"] > 0, state["theta_2"] <= 0, state["dtheta_1"] <= 0, state["dtheta_2"] <= 0)
+        )
+        assert behaviour.phase_at(state) == ("O5" if fifth else four.phase_at(state))
+    assert [str(edge) for edge in behaviour.edges[3:]] == ["O4 → O5 on touchdown", "O5 → O1"]
+
+
+def test_the_human_gait_is_symmetric_and_tells_every_phase_of_each_leg():
+    gait = load_behaviour("perry-gait")
+    titles = " ".join(phase.title for phase in gait.phases)
+    for side in ("left", "right"):
+        for phase in ("loading response", "mid stance", "terminal stance"):
+            assert f"{side} {phase}" in titles
+        for phase in ("pre-swing", "initial swing", "mid swing", "terminal swing"):
+            assert f"{side} {phase}" in titles
+    (cycle,) = gait.cycles
+    assert len(cycle) == len(gait.phases) == 10
+    swap = {"left": "right", "right": "left"}
+    for values in itertools.product(
+        (-0.3, 0.3), (-0.1, 0.4), (-0.2, 0.2), (0.0, 0.3), (0.0, 300.0), (0.0, 300.0)
+    ):
+        ahead, behind, shank, sole, left, right = values
+        state = {
+            "left_foot_x": ahead,
+            "right_foot_x": behind,
+            "left_shank": shank,
+            "right_shank": 0.1,
+            "left_sole": 0.0,
+            "right_sole": sole,
+            "left_load": left,
+            "right_load": right,
+        }
+        mirrored = {
+            f"{swap[side]}_{rest}": state[f"{side}_{rest}"]
+            for side, _, rest in (n.partition("_") for n in state)
+        }
+        here, there = gait.phase_at(state), gait.phase_at(mirrored)
+        assert (here is None) == (there is None)
+        if here and there:
+            side, _, rest = here.partition("_")
+            assert there == f"{swap[side]}_{rest}"
 
 
 def as_printed(theta_1, theta_2, dtheta_1, dtheta_2):
@@ -53,7 +139,8 @@ def test_phases_are_the_orthants_at_every_combination_of_signs_and_zeros(name, t
 
 
 def test_the_edges_are_the_cycle_and_its_last_one_is_taken_at_touchdown():
-    for behaviour in SHIPPED.values():
+    for name in REWARDS:
+        behaviour = load_behaviour(name)
         assert {(edge.source, edge.target): edge.event for edge in behaviour.edges} == {
             ("O1", "O2"): None,
             ("O2", "O3"): None,
@@ -63,8 +150,8 @@ def test_the_edges_are_the_cycle_and_its_last_one_is_taken_at_touchdown():
 
 
 def test_a_behaviour_is_loaded_from_a_file(tmp_path):
-    path = tmp_path / "mine.json"
-    path.write_text(load_behaviour("compass-walking").to_json(), encoding="utf-8")
+    path = tmp_path / "mine.behaviour"
+    path.write_text(to_text(load_behaviour("compass-walking")), encoding="utf-8")
     assert load_behaviour(path) == load_behaviour(str(path)) == load_behaviour("compass-walking")
 
 
@@ -76,10 +163,16 @@ def test_an_unknown_name_is_refused_with_the_nearest_one():
 
 
 def test_a_broken_file_is_named(tmp_path):
-    path = tmp_path / "broken.json"
-    path.write_text('{"name": ', encoding="utf-8")
-    with pytest.raises(BehaviourError, match=r"broken\.json: line 1, column 10: not JSON"):
+    path = tmp_path / "broken.behaviour"
+    path.write_text('behaviour "x\n', encoding="utf-8")
+    with pytest.raises(BehaviourError, match=r"broken\.behaviour:1:11: '\"' is not expected here"):
         load_behaviour(path)
-    path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(BehaviourError, match=r"broken\.json: cannot be read as text"):
+    path.write_bytes(b'behaviour "x"\n  \xff\xfe\x00')
+    with pytest.raises(BehaviourError, match=r"broken\.behaviour:2:3: .* byte 0xff is not UTF-8"):
         load_behaviour(path)
+    path.write_bytes(b" " * 300_000)
+    with pytest.raises(BehaviourError, match=r"broken\.behaviour has more than 262144 bytes"):
+        load_behaviour(path)
+    for nothing in (tmp_path, "/dev/zero", "a\0b"):
+        with pytest.raises(BehaviourError, match=r"neither a behaviour that ships nor a file"):
+            load_behaviour(nothing)

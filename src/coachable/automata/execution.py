@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from coachable.automata.hybrid import TOUCHDOWN, HybridAutomaton
 from coachable.behaviours.behaviour import Edge
-from coachable.behaviours.predicates import All, Predicate, holds
+from coachable.behaviours.predicates import All, Predicate, conjuncts, holds, phrases_of
 from coachable.plants.runge_kutta import rk4
 
 _NUM_SUBSTEPS = 4
@@ -238,7 +238,7 @@ class _Executor:
         """What of a location's invariant does not hold."""
         predicate, values = self.automaton.invariants[location], self.values(here)
         parts: Sequence[Predicate] = predicate.parts if isinstance(predicate, All) else (predicate,)
-        return " and ".join(str(part) for part in parts if not holds(part, values))
+        return " and ".join(_spelt_out(part) for part in parts if not holds(part, values))
 
     def values(self, here: _Look) -> dict[str, float]:
         """The data variables by name."""
@@ -257,3 +257,9 @@ def _first(happens: Callable[[float], bool], end: float) -> float:
     while before < (middle := (before + after) / 2) < after:
         before, after = (before, middle) if happens(middle) else (middle, after)
     return after
+
+
+def _spelt_out(part: Predicate) -> str:
+    """A predicate as it is written, and in numbers where it is written in words."""
+    numbers = " and ".join(map(str, conjuncts(part)))
+    return f"{part} ({numbers})" if phrases_of(part) else str(part)

@@ -16,14 +16,6 @@ MAX_TOUCHDOWNS = 64
 """So many touchdowns in one control step are chatter under any rule: they may pile up without end."""
 
 
-def num_polishings(dtype: jnp.dtype) -> int:
-    """Return how many Newton steps bring an event's time to the rounding of the dtype.
-
-    The parabola that they start from is off by some 1e-5 of a step, and each of them squares that.
-    """
-    return 2 if jnp.finfo(dtype).bits > 32 else 1
-
-
 @dataclass(frozen=True)
 class ChatterRule:
     """How many touchdowns are too many: then the episode ends."""
@@ -131,6 +123,14 @@ def integrate_substep(
         now, trial = carry
         return ~now.stopped & trial.finite & (trial.comes_down | trial.falls)
 
+    def newton_step(x: Array, tau: Array, h: Array, falls: Array) -> tuple[Array, Array, Array]:
+        """The event's time once more polished, and the state and its derivative at the time before."""
+        x_near = lax.optimization_barrier(rk4(plant.flow, x, control, tau))
+        velocity, at_touchdown, at_fall = slopes(x_near)
+        value, slope = (jnp.where(falls, *pair) for pair in zip(at_fall, at_touchdown, strict=True))
+        polished = jnp.clip(tau - value / jnp.where(slope < 0, slope, -jnp.inf), 0, h)
+        return lax.optimization_barrier(polished), x_near, velocity
+
     def go_to_event(carry: tuple[Progress, Trial]) -> tuple[Progress, Trial]:
         now, trial = carry
         h = jnp.maximum(substep_end - now.time, 0)
@@ -140,14 +140,13 @@ def integrate_substep(
         fall_at = _falling_root(jnp.maximum(margin, 0), h * margin_slope, plant.fall_margin(trial.x))
         falls = trial.falls & (~trial.comes_down | (fall_at < touchdown_at))
         tau = lax.optimization_barrier(h * jnp.clip(jnp.where(falls, fall_at, touchdown_at), 0, 1))
-        for _ in range(num_polishings(tau.dtype)):
-            x_event = lax.optimization_barrier(rk4(plant.flow, now.x, control, tau))
-            velocity, at_touchdown, at_fall = slopes(x_event)
-            value, slope = (jnp.where(falls, *pair) for pair in zip(at_fall, at_touchdown, strict=True))
-            polished = jnp.clip(tau - value / jnp.where(slope < 0, slope, -jnp.inf), 0, h)
-            correction, tau = polished - tau, polished
-        # To first order: the square of the last correction is below rounding.
-        x_event = lax.optimization_barrier(x_event + correction * velocity)
+        # The guess is off by some 1e-5 of a step and each Newton step squares that: float64 takes one more.
+        if jnp.finfo(tau.dtype).bits > 32:
+            tau, _, _ = newton_step(now.x, tau, h, falls)
+        polished, x_near, velocity = newton_step(now.x, tau, h, falls)
+        # To first order, for the square of this last correction is below rounding.
+        x_event = lax.optimization_barrier(x_near + (polished - tau) * velocity)
+        tau = polished
 
         touched = ~falls & plant.can_touch_down(x_event)
         happens = falls | touched
