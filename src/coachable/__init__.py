@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from coachable.automata.hybrid import HybridAutomaton as HybridAutomaton
+    from coachable.automata.monitor import Monitor as Monitor
     from coachable.behaviours.behaviour import Behaviour as Behaviour
     from coachable.behaviours.library import load_behaviour as load_behaviour
     from coachable.envs.baselines import baseline as baseline
@@ -44,6 +45,7 @@ _HOMES = {
     "CompassWalker": "plants.compass",
     "ConstantTorque": "plants.controllers",
     "HybridAutomaton": "automata.hybrid",
+    "Monitor": "automata.monitor",
     "NoTorque": "plants.controllers",
     "PPOConfig": "learning.config",
     "Policy": "learning.policy",

@@ -25,7 +25,7 @@ TIME_NAMES = ("t", "time")
 _HEADER = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[\s*(?P<unit>[^\[\]]*?)\s*\])?\s*")
 
 _ROWS_OF_PARQUET = 1 << 16
-_BYTES_OF_CSV = 1 << 22
+_BYTES_OF_CSV = 1 << 20
 _LONGEST_HEADER = 1 << 20
 
 
