@@ -3,16 +3,11 @@
 import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from coachable.plants.event_search import (
-    PAPER_CHATTER,
-    ChatterRule,
-    Progress,
-    at_the_start,
-    integrate_substep,
-)
+from coachable.plants.event_search import PAPER_CHATTER, ChatterRule, integrate_through_events, standing_at
 from coachable.plants.hybrid_system import HybridSystem
+from coachable.plants.runge_kutta import rk4
 
 
 class Advance(eqx.Module):
@@ -50,6 +45,9 @@ def advance(
 ) -> Advance:
     """Integrate the plant over one control step, through any touchdowns, with the control held.
 
+    Most steps are smooth, so they are first run through blindly; only where that crosses a touchdown or a
+    fall does the search for events do the step again, and then for the whole batch that this is vmapped over.
+
     Arguments:
         plant: what is integrated; x: its state; foot_x: where its stance foot stands [m].
         control: held over the whole step, touchdowns included.
@@ -63,23 +61,19 @@ def advance(
     numbers. Forward-mode derivatives go through touchdowns, that of the touchdown's time included.
     """
     num_substeps = default_substeps(x.dtype) if num_substeps is None else num_substeps
-    h = jnp.asarray(duration / num_substeps, x.dtype)
-
-    def substep(now: Progress, index: Int[Array, ""]) -> tuple[Progress, None]:
-        end = (index + 1).astype(x.dtype) * h
-        return integrate_substep(
-            plant, now, control, end, h, stop_at_touchdown, touchdowns_before, chatter
-        ), None
-
-    end, _ = lax.scan(substep, at_the_start(x, foot_x), jnp.arange(num_substeps))
+    through, smooth = _run_through(plant, x, control, duration / num_substeps, num_substeps)
+    start = standing_at(jnp.where(smooth, through, x), foot_x, done=smooth)
+    end = integrate_through_events(
+        plant, start, control, duration, num_substeps, stop_at_touchdown, touchdowns_before, chatter
+    )
     return Advance(
         x=end.x,
         foot_x=end.foot_x,
-        elapsed=end.time,
+        elapsed=jnp.where(smooth, jnp.asarray(duration, x.dtype), end.time),
         touchdowns=end.touchdowns,
         touchdown_time=end.last_touchdown,
         outcome=end.outcome,
-        segment_x=end.segment_x,
+        segment_x=jnp.where(end.touchdowns > 0, end.segment_x, x),
         segment_foot_x=end.segment_foot_x,
     )
 
@@ -90,3 +84,26 @@ def default_substeps(dtype: jnp.dtype) -> int:
     Over ten seconds of walking at 100 Hz it is 3e-6 with one substep and 1e-8 with four.
     """
     return 4 if jnp.finfo(dtype).bits > 32 else 1
+
+
+def _run_through(
+    plant: HybridSystem,
+    x: Float[Array, " state"],
+    control: Float[Array, " control"],
+    h: float,
+    num_substeps: int,
+) -> tuple[Float[Array, " state"], Bool[Array, ""]]:
+    """Return the state after all substeps, and whether no event was crossed on the way."""
+
+    def substep(carry, _):
+        x, smooth = carry
+        x_end = rk4(plant.flow, x, control, jnp.asarray(h, x.dtype))
+        came_down = (plant.guard(x) > 0) & (plant.guard(x_end) <= 0)
+        came_down &= plant.can_touch_down(x) | plant.can_touch_down(x_end)
+        smooth &= ~came_down & (plant.fall_margin(x_end) > 0) & jnp.all(jnp.isfinite(x_end))
+        return (x_end, smooth), None
+
+    start = (x, jnp.ones((), bool))
+    (x, smooth), _ = lax.scan(substep, start, length=num_substeps, unroll=min(num_substeps, 4))
+    # Computed once: without the barrier XLA repeats the trigonometry wherever the results are used.
+    return lax.optimization_barrier((x, smooth))
