@@ -211,6 +211,43 @@ def watch(
     print(f"{out}: {who}")
 
 
+def format(
+    files: Annotated[
+        Positional[tuple[Path, ...]], arg(metavar="FILE", help="Files that describe behaviours.")
+    ],
+    check: Annotated[bool, arg(help="Change nothing; exit 1 if a file is not formatted.")] = False,
+) -> None:
+    """Lay out behaviour files in the one way: indented, aligned, comments kept.
+
+    A file with a mistake in it is left as it is, and the mistake told. For example:
+
+        coachable format walk.behaviour
+        coachable format --check *.behaviour
+    """
+    from coachable.behaviours.document import formatted_file
+    from coachable.studies.files import replace_text
+
+    if not files:
+        raise CoachableError("name at least one file")
+    mistakes, unformatted = [], []
+    for path in files:
+        try:
+            text, formatted = formatted_file(path)
+        except CoachableError as error:
+            mistakes.append(str(error))
+            continue
+        if formatted != text:
+            unformatted.append(path)
+            if not check:
+                replace_text(path, formatted)
+    for path in unformatted:
+        print(f"{path}: {'not formatted' if check else 'formatted'}")
+    if mistakes:
+        raise CoachableError("\n".join(mistakes))
+    if check and unformatted:
+        sys.exit(1)
+
+
 def cite() -> None:
     """Print what to cite, as BibTeX.
 
@@ -223,7 +260,14 @@ def cite() -> None:
     print(citation(), end="")
 
 
-COMMANDS = {"study": study, "table": table, "watch": watch, "baseline": baseline, "cite": cite}
+COMMANDS = {
+    "study": study,
+    "table": table,
+    "watch": watch,
+    "baseline": baseline,
+    "format": format,
+    "cite": cite,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
