@@ -63,6 +63,9 @@ def test_every_command_has_help_with_an_example(capsys, name):
         (["study", "paper", "--steps", "many"], ["--steps"]),
         (["study", "paper", "--steps", "0"], ["steps must be at least 1"]),
         (["study", "paper", "--behaviour", "compas-walking"], ["'compas-walking'", "'compass-walking'"]),
+        (["study", "paper", "--behaviour", "hop"], ["the compass walker has no signal 'height'"]),
+        (["format"], ["name at least one file"]),
+        (["format", "nowhere.behaviour"], ["nowhere.behaviour", "No such file"]),
         (["table", "nowhere"], ["nowhere is not a folder"]),
         (["watch", "nowhere", "-o", "gait.png"], ["nowhere is not a folder"]),
         (["watch", "none", "-o", "gait.doc"], ["gait.doc", ".gif"]),
@@ -177,3 +180,28 @@ def test_what_to_cite_is_bibtex(capsys):
     assert out.count("{") == out.count("}")
     assert out.count("\n@") + 1 == 3
     assert "Symbolic Behaviour Descriptions" in " ".join(out.split())
+
+
+UGLY = 'behaviour "a"  # mine\nphases\n  A : true\n'
+PRETTY = 'behaviour "a"  # mine\n\nphases\n  A:  true\n'
+
+
+def test_format_lays_out_in_place_and_leaves_what_has_mistakes(capsys, tmp_path):
+    ugly, link, broken = (tmp_path / name for name in ("a.behaviour", "link.behaviour", "b.behaviour"))
+    ugly.write_text(UGLY)
+    ugly.chmod(0o640)
+    link.symlink_to(ugly)
+    broken.write_text(UGLY + "  A: false\n")
+    out, _, status = run(capsys, "format", "--check", link)
+    assert (out, status, ugly.read_text()) == (f"{link}: not formatted\n", 1, UGLY)
+    out, err, status = run(capsys, "format", broken, link)
+    assert (out, status) == (f"{link}: formatted\n", 2)
+    assert f"{broken}:4:3: phase A is given twice" in err
+    assert broken.read_text() == UGLY + "  A: false\n"
+    assert (ugly.read_text(), link.is_symlink(), ugly.stat().st_mode & 0o777) == (PRETTY, True, 0o640)
+    assert run(capsys, "format", "--check", ugly) == ("", "", 0)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "a.behaviour",
+        "b.behaviour",
+        "link.behaviour",
+    ]

@@ -6,11 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coachable.errors import PlanError
+from coachable.behaviours import load_behaviour
+from coachable.behaviours.printer import to_text
+from coachable.errors import BehaviourError, PlanError
 from coachable.learning.config import PPOConfig
 from coachable.plants.compass import CompassParameters
 from coachable.rewards.setup import PAPER_SETUPS, RewardSetup
-from coachable.studies.plan import Study, differences, load_plan, parse_plan, shipped_plans
+from coachable.studies.plan import Study, behaviour_of, differences, load_plan, parse_plan, shipped_plans
 from coachable.studies.toml_writer import toml_text
 
 names = st.from_regex(r"[A-Za-z0-9_+-]{1,12}", fullmatch=True)
@@ -157,3 +159,18 @@ def test_a_plan_without_a_name_and_a_plan_that_is_not_there():
         load_plan("papr")
     with pytest.raises(PlanError, match="'sead'"):
         load_plan("paper", sead=3)
+
+
+def test_a_plan_names_a_behaviour_that_ships_or_a_file_beside_it(tmp_path):
+    plan = tmp_path / "mine.toml"
+    plan.write_text('name = "mine"\nbehaviour = "walk.behaviour"\n', encoding="utf-8")
+    assert load_plan(plan).behaviour == str(tmp_path / "walk.behaviour")
+    assert load_plan(plan, behaviour="other.behaviour").behaviour == "other.behaviour"
+    with pytest.raises(BehaviourError, match="neither a behaviour that ships nor a file"):
+        behaviour_of(load_plan(plan))
+    (tmp_path / "walk.behaviour").write_text(to_text(load_behaviour("compass-walking")), encoding="utf-8")
+    assert behaviour_of(load_plan(plan)) == load_behaviour("compass-walking")
+    plan.write_text('name = "mine"\nbehaviour = "compass-walking-five-phases"\n', encoding="utf-8")
+    assert behaviour_of(load_plan(plan)) == load_behaviour("compass-walking-five-phases")
+    with pytest.raises(PlanError, match="the compass walker has no signal 'height'"):
+        behaviour_of(load_plan(plan, behaviour="hop"))

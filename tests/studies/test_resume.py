@@ -12,10 +12,12 @@ import time
 import pytest
 
 from coachable.behaviours import load_behaviour
+from coachable.behaviours.parser import parse
+from coachable.behaviours.printer import to_text
 from coachable.errors import RunFolderError
 from coachable.studies.folder import RunFolder
 from coachable.studies.lock import locked
-from coachable.studies.plan import load_plan, with_options
+from coachable.studies.plan import behaviour_of, load_plan, with_options
 from coachable.studies.runner import run_study
 from coachable.studies.store import Run
 
@@ -189,3 +191,18 @@ def test_another_description_under_the_same_name_is_refused(small_run, small_pla
     released = load_behaviour("compass-walking-released")
     with pytest.raises(RunFolderError, match="another description of 'compass-walking'"):
         RunFolder.resume(small_run, load_plan(small_plan), released, allow_different_layout=False)
+
+
+def test_the_text_of_the_description_counts_and_not_where_it_lies(small_run, small_plan, tmp_path):
+    copied = shutil.copytree(small_run.path, tmp_path / "run")
+    assert parse((copied / "behaviour.behaviour").read_text(encoding="utf-8")) == small_run.behaviour
+    path = tmp_path / "walk.behaviour"
+    study = load_plan(small_plan, behaviour=str(path))
+    path.write_text("# mine\n" + to_text(small_run.behaviour), encoding="utf-8")
+    folder = RunFolder.resume(Run.open(copied), study, behaviour_of(study), allow_different_layout=False)
+    assert folder.manifest["status"] == "complete"
+    path.write_text(
+        to_text(small_run.behaviour).replace("swing leg comes back", "it comes"), encoding="utf-8"
+    )
+    with pytest.raises(RunFolderError, match=r"behaviour: 'compass-walking' → .*walk\.behaviour"):
+        RunFolder.resume(Run.open(copied), study, behaviour_of(study), allow_different_layout=False)

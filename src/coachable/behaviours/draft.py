@@ -40,11 +40,6 @@ def add_images(draft: Draft, mirror: Mirror, meaning: Meaning, mistakes: Mistake
 
     What keeps its name in the mirror must be its own image.
     """
-    for name, (_, statement) in draft.signals.items():
-        if (image := mirror.text(name)) not in draft.signals:
-            mistakes.add(statement.place(), f"signal {name} has no mirror image", f"declare {image}, too")
-    if mistakes:
-        return
     for name, (constant, statement) in list(draft.constants.items()):
         draft.constants.setdefault(mirror.text(name), (mirror.constant(constant), statement))
     for words, (phrase, statement) in list(draft.phrases.items()):

@@ -12,6 +12,8 @@ from coachable.behaviours.mistakes import Mistakes
 from coachable.behaviours.syntax import SPEAKING_HEADERS, STRING, statement_of, tokens_of
 
 WIDTH = 100
+_FARTHER = 4
+"""How far lines that go on are indented at least."""
 _DEEPEST = 50
 """Where lines that go on would begin farther right than this, they begin near the left instead."""
 
@@ -31,6 +33,11 @@ def formatted(text: str, name: str = "") -> str:
             statement_of(row, mistakes)
     if mistakes:
         mistakes.stop()
+    return laid_out(rows)
+
+
+def laid_out(rows: Sequence[Row]) -> str:
+    """The text of rows that can be read, in the one layout."""
     lines: list[Line] = []
     for _, group in groupby(rows, key=_section_number(rows)):
         lines += _section(list(group))
@@ -103,10 +110,11 @@ def _told(items: Sequence[Row]) -> list[list[str]]:
     for cells, chunks in divided:
         padded = [cell.ljust(width) for cell, width in zip(cells, widths, strict=True) if width]
         start = "".join(f"{cell}  " for cell in ["", *padded])
-        told.append(_wrapped(start, chunks, len(start) if len(start) <= _DEEPEST else 6))
+        told.append(_wrapped(start, chunks, len(start) if len(start) <= _DEEPEST else _FARTHER))
     if section == "phases" and any(len(lines) > 1 or len(lines[0]) > WIDTH for lines in told):
         told = [
-            [f"  {' '.join(filter(None, cells))}", *_wrapped("    ", chunks, 4)] for cells, chunks in divided
+            [f"  {' '.join(filter(None, cells))}", *_wrapped(" " * _FARTHER, chunks, _FARTHER)]
+            for cells, chunks in divided
         ]
     return told
 
@@ -118,7 +126,7 @@ def _wrapped(start: str, chunks: Sequence[str], indent: int) -> list[str]:
         if empty or len(lines[-1]) + 1 + len(chunk) <= WIDTH:
             lines[-1] += chunk if empty else f" {chunk}"
         else:
-            lines.append(" " * max(indent, 4) + chunk)
+            lines.append(" " * max(indent, _FARTHER) + chunk)
     return [line.rstrip() for line in lines]
 
 
@@ -175,17 +183,32 @@ def _text(tokens: Sequence[Token]) -> list[str]:
 
 
 def _chunks(tokens: Sequence[Token]) -> list[str]:
-    """The tokens in pieces between which a line may end: after commas, before arrows, `and` and `or`."""
+    """The tokens in pieces between which a line may end: after commas, before arrows, `and` and `or`.
+
+    What is in parentheses stays together, unless it is too long for a line.
+    """
+    pieces = _split(tokens, {"AND", "OR", "ARROW"}, in_parentheses=False)
+    divided = []
+    for piece in pieces:
+        fits = len(_joined(piece)) <= WIDTH - 2 * _FARTHER
+        ends = {"AND", "OR", "RELATION", "PLUS", "TIMES", "OVER"}
+        divided += [piece] if fits else _split(piece, ends, in_parentheses=True)
+    return [_joined(piece) for piece in divided]
+
+
+def _split(tokens: Sequence[Token], ends: set[str], in_parentheses: bool) -> list[list[Token]]:
+    """The tokens in pieces: one ends before each token of these types, and after each comma."""
     pieces: list[list[Token]] = [[]]
     depth = 0
     for token in tokens:
         depth += {"OPEN": 1, "CLOSE": -1}.get(token.type, 0)
-        if not depth and token.type in ("AND", "OR", "ARROW") and pieces[-1]:
+        within = in_parentheses or not depth
+        if within and token.type in ends and pieces[-1]:
             pieces.append([])
         pieces[-1].append(token)
-        if not depth and token.type == "COMMA":
+        if within and token.type == "COMMA":
             pieces.append([])
-    return [_joined(piece) for piece in pieces if piece]
+    return [piece for piece in pieces if piece]
 
 
 _NUMBERS_FOLLOW = {"NUMBER", "WORD", "CLOSE", "UNIT"}

@@ -42,14 +42,16 @@ class Row:
         return Place(self.source, self.number + line - 1, column)
 
 
-def rows_of(text: str, name: str, mistakes: Mistakes) -> tuple[Row, ...]:
+def rows_of(text: str, name: str, mistakes: Mistakes, bounded: bool = True) -> tuple[Row, ...]:
     """The rows of a text called `name`; what is wrong with its letters and its layout goes to `mistakes`.
 
-    **Raises:** `BehaviourTextError` for a text that is too long.
+    **Raises:** `BehaviourTextError` for a text that is too long, unless it is not `bounded`: one of our own.
     """
     text = text.removeprefix("\ufeff").replace("\r\n", "\n")
     source = Source(name, tuple(text.split("\n")))
-    _refuse_the_unreadable(source, text, mistakes)
+    if bounded:
+        _refuse_what_is_too_long(source, text, mistakes)
+    _refuse_what_nobody_sees(source, mistakes)
     rows: list[Row] = []
     section, indent = "", 0
     for number, line in enumerate(source.lines, start=1):
@@ -66,6 +68,7 @@ def rows_of(text: str, name: str, mistakes: Mistakes) -> tuple[Row, ...]:
             section, indent = code.split()[0], 0
             rows.append(Row("header", source, number, code, section, remark=remark))
         elif not section:
+            rows.append(Row("blank", source, number))
             mistakes.add(
                 Place(source, number, depth + 1),
                 "nothing has begun yet that this line could be in",
@@ -75,6 +78,7 @@ def rows_of(text: str, name: str, mistakes: Mistakes) -> tuple[Row, ...]:
             indent = indent or depth
             rows.append(Row("item", source, number, code, section, indented=True, remark=remark))
         elif depth < indent:
+            rows.append(Row("blank", source, number, section=section))
             mistakes.add(
                 Place(source, number, depth + 1),
                 f"this line is indented by {depth}, those above it by {indent}",
@@ -97,7 +101,7 @@ def _continue(rows: list[Row], number: int, code: str, remark: str) -> None:
     rows.append(replace(item, text=text, comments=tuple(filter(None, comments)), remark=remark))
 
 
-def _refuse_the_unreadable(source: Source, text: str, mistakes: Mistakes) -> None:
+def _refuse_what_is_too_long(source: Source, text: str, mistakes: Mistakes) -> None:
     longest = max(range(len(source.lines)), key=lambda index: len(source.lines[index]))
     size = len(text.encode("utf-8", "surrogatepass"))
     for amount, most, what, line in (
@@ -108,6 +112,9 @@ def _refuse_the_unreadable(source: Source, text: str, mistakes: Mistakes) -> Non
         if amount > most:
             mistakes.add(Place(source, line, 1), f"{what.format(amount)}; no more than {most} are read")
             mistakes.stop()
+
+
+def _refuse_what_nobody_sees(source: Source, mistakes: Mistakes) -> None:
     for number, line in enumerate(source.lines, start=1):
         for column, letter in enumerate(line, start=1):
             if not letter.isprintable() and letter != "\t":

@@ -222,7 +222,7 @@ class Meaning:
             message, hint = f"{words} is a number; compare it with something", f"for example: {words} > 0"
         else:
             message = f"{spelt_out(words[:80])} is not in the vocabulary"
-            hint = suggestion(words, self._statements)
+            hint = suggestion(words, [*self._statements, *self._broken])
         self._mistakes.add(place_of(statement, tree), message, hint)
         return None
 
@@ -236,7 +236,7 @@ class Meaning:
             return self._mirror.constant(other)
         if words in self._broken:
             return None
-        hint = suggestion(words, [*self._signals, *self._constants])
+        hint = suggestion(words, [*self._signals, *self._constants, *self._broken])
         if self.is_phrase(words):
             message = "a phrase holds or does not; one cannot calculate or compare with it"
         elif "-" in words and set(words.split("-")) <= {*self._signals, *self._constants}:

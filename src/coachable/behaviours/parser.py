@@ -126,11 +126,12 @@ def _with_includes(
 
     def included(statement: Statement, path: tuple[str, ...]) -> list[Statement]:
         name = _quoted(statement, mistakes)
-        if not name or statement.tree is None:
+        if statement.tree is None:
             return []
         try:
             if directory is None:
                 raise BehaviourError("this text is in no folder, so there is nothing beside it to include")
+            file = beside(Path(directory), name)
             if name in path:
                 raise BehaviourError(f"{name!r} includes itself: {' → '.join([*path, name])}")
             if name in seen:
@@ -138,7 +139,6 @@ def _with_includes(
             if len(seen) == MAX_INCLUDED:
                 raise BehaviourError(f"no more than {MAX_INCLUDED} files are included")
             seen.add(name)
-            file = beside(Path(directory), name)
             text = read_text(file)
         except BehaviourError as error:
             mistakes.add(statement.place(), str(error))
@@ -149,7 +149,7 @@ def _with_includes(
 
     lines = []
     for statement in statements:
-        inside = expanded([statement], (Path(statement.row.source.name).name,))
+        inside = expanded([statement], (Path(statement.row.source.name or ".").name,))
         lines += [(inner, statement.row.number) for inner in inside]
     return lines
 

@@ -8,7 +8,9 @@ from collections.abc import Iterable, Iterator
 
 from coachable.behaviours.behaviour import Behaviour, Dwell, Edge, Phase
 from coachable.behaviours.expressions import Constant
-from coachable.behaviours.formatter import formatted
+from coachable.behaviours.formatter import laid_out
+from coachable.behaviours.lines import rows_of
+from coachable.behaviours.mistakes import Mistakes
 from coachable.behaviours.names import WORD, flaw_of_letters
 from coachable.behaviours.predicates import All, Any, Predicate, Signal
 from coachable.behaviours.syntax import quoted
@@ -16,7 +18,8 @@ from coachable.behaviours.syntax import quoted
 
 def to_text(behaviour: Behaviour) -> str:
     """The behaviour as text, laid out as `coachable format` does; `parse` of it is an equal behaviour."""
-    return formatted("\n".join(_lines(behaviour)) + "\n")
+    rows = rows_of("\n".join(_lines(behaviour)) + "\n", "", Mistakes(), bounded=False)
+    return laid_out(rows)
 
 
 def _lines(behaviour: Behaviour) -> Iterator[str]:

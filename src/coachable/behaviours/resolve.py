@@ -38,6 +38,8 @@ def resolved(statements: Sequence[Statement], mirror: Mirror | None, mistakes: M
         else:
             _declare(statement, draft.constants, taken, broken, mistakes, _constant)
     _check_derivatives(draft, broken, mistakes)
+    if mirror is not None:
+        _check_images(draft, mirror, broken, mistakes)
     phrases: dict[str, Statement] = {}
     for statement in among("vocabulary"):
         _declare_phrase(statement, phrases, broken, mistakes)
@@ -68,6 +70,13 @@ def resolved(statements: Sequence[Statement], mirror: Mirror | None, mistakes: M
         _read_chain(statement, draft, meaning, broken, mistakes)
     close_chains(draft, mirror, mistakes)
     return draft
+
+
+def _check_images(draft: Draft, mirror: Mirror, broken: set[str], mistakes: Mistakes) -> None:
+    for name, (_, statement) in draft.signals.items():
+        if (image := mirror.text(name)) not in {*draft.signals, *broken}:
+            mistakes.add(statement.place(), f"signal {name} has no mirror image", f"declare {image}, too")
+            broken.add(image)
 
 
 def _check_derivatives(draft: Draft, broken: set[str], mistakes: Mistakes) -> None:
@@ -209,7 +218,9 @@ def _known_phase(
         return name
     if name not in broken:
         assert isinstance(token, Token)
-        mistakes.add(statement.place(token), f"no phase is called {name!r}", suggestion(name, draft.phases))
+        mistakes.add(
+            statement.place(token), f"no phase is called {name!r}", suggestion(name, [*draft.phases, *broken])
+        )
     return None
 
 

@@ -29,6 +29,7 @@ def study(
     steps: int | None = None,
     semantics: Semantics | None = None,
     reward_variant: Variant | None = None,
+    behaviour: str | Path | None = None,
     clock: Clock | None = None,
     progress: bool = True,
 ) -> Run:
@@ -47,6 +48,7 @@ def study(
         "steps": steps,
         "semantics": semantics,
         "reward_variant": reward_variant,
+        "behaviour": None if behaviour is None else str(behaviour),
         "clock": clock,
     }
     resolved = with_options(plan, **options) if isinstance(plan, Study) else load_plan(plan, **options)

@@ -28,6 +28,14 @@ def write_atomic(path: Path, data: bytes | str) -> None:
     _flush_folder(path.parent)
 
 
+def replace_text(path: Path, text: str) -> None:
+    """Give a file, or the one that a link leads to, another text; its permissions stay."""
+    path = path.resolve()
+    mode = path.stat().st_mode
+    write_atomic(path, text)
+    path.chmod(mode)
+
+
 def read_bytes(path: Path, sha256: str | None = None) -> bytes:
     """A file's content.
 

@@ -6,6 +6,7 @@ import json
 import shutil
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -87,13 +88,15 @@ class RunFolder:
         with.
         """
         path, manifest = run.path, dict(run.manifest)
-        if changed := differences(run.plan, study):
+        same = run.behaviour == behaviour
+        # The text counts, not where it lies.
+        if changed := differences(run.plan, replace(study, behaviour=run.plan.behaviour) if same else study):
             raise RunFolderError(
                 f"{path} belongs to another plan. Its plan → this one:\n  "
                 + "\n  ".join(changed)
                 + "\nName another folder with --out, or give the plan it belongs to"
             )
-        if manifest["reward_hashes"] != _reward_hashes(study, behaviour):
+        if not same or manifest["reward_hashes"] != _reward_hashes(study, behaviour):
             raise RunFolderError(
                 f"{path} was begun with another description of {study.behaviour!r}; "
                 "name another folder with --out"

@@ -10,10 +10,12 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.library import SHIPPED, load_behaviour
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import CoachableError, PlanError
 from coachable.learning.config import PPOConfig
-from coachable.plants.compass import CompassParameters
+from coachable.plants.compass import STATE_NAMES, CompassParameters
 from coachable.rewards.setup import PAPER_SETUPS, RewardSetup
 from coachable.studies.study import Lane as Lane
 from coachable.studies.study import Study as Study
@@ -42,28 +44,45 @@ def load_plan(name_or_path: str | Path, **options: Any) -> Study:
     `count`) and `setups` (names, of the file's setups or the paper's).
 
     What neither the file nor an option says is the default; `released-code` semantics bring their own reward
-    variant and behaviour unless one is said.
+    variant and behaviour unless one is said. A behaviour is a name that ships or a file, which in a plan's
+    file is looked for from the folder of the plan.
 
     **Raises:** `PlanError` naming the file and the key, with the nearest one that is known.
     """
     if Path(name_or_path).is_file():
-        source, text = str(name_or_path), Path(name_or_path).read_text(encoding="utf-8")
-    elif (name := str(name_or_path)) in shipped_plans():
+        path = Path(name_or_path)
+        return parse_plan(path.read_text(encoding="utf-8"), str(path), path.parent, **options)
+    if (name := str(name_or_path)) in shipped_plans():
         source, text = f"plan {name!r}", (_SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
-    else:
-        raise PlanError(
-            f"{name!r} is neither a plan that ships nor a file; {suggestion(name, shipped_plans())}"
-        )
-    return parse_plan(text, source, **options)
+        return parse_plan(text, source, **options)
+    raise PlanError(f"{name!r} is neither a plan that ships nor a file; {suggestion(name, shipped_plans())}")
 
 
-def parse_plan(text: str, source: str, **options: Any) -> Study:
-    """`load_plan` for TOML text; `source` names it in messages."""
+def parse_plan(text: str, source: str, folder: Path | None = None, **options: Any) -> Study:
+    """`load_plan` for TOML text that messages call `source`, with a behaviour's file in `folder`."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise PlanError(f"{source} is not TOML: {error}") from None
+    behaviour = data.get("behaviour")
+    if folder is not None and isinstance(behaviour, str) and behaviour not in SHIPPED:
+        data["behaviour"] = str(folder / behaviour)
     return resolve((source, data), ("the options", _said(options)))
+
+
+def behaviour_of(study: Study) -> Behaviour:
+    """The behaviour that a study trains.
+
+    **Raises:** `BehaviourError` if it cannot be read, `PlanError` if it speaks of what the walker has not.
+    """
+    behaviour = load_behaviour(study.behaviour)
+    for signal in behaviour.signal_names:
+        if signal not in STATE_NAMES:
+            raise PlanError(
+                f"behaviour {study.behaviour!r}: the compass walker has no signal {signal!r}; "
+                + suggestion(signal, STATE_NAMES)
+            )
+    return behaviour
 
 
 def with_options(study: Study, **options: Any) -> Study:

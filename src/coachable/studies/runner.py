@@ -13,12 +13,11 @@ import jax
 import numpy as np
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.library import load_behaviour
 from coachable.studies.folder import RunFolder
 from coachable.studies.group import SECONDS_BETWEEN_CHECKPOINTS, Group
 from coachable.studies.layout import group_widths, num_cores
 from coachable.studies.lock import locked
-from coachable.studies.plan import Study
+from coachable.studies.plan import Study, behaviour_of
 from coachable.studies.programs import Tasks, compile_programs
 from coachable.studies.progress import Report, SetupStatus, Status, progress_display
 from coachable.studies.results import walk_baseline, write_logs, write_policies, write_trajectories
@@ -46,7 +45,7 @@ def run_study(
     another process; `KeyboardInterrupt` after everything is saved.
     """
     out = Path(out)
-    behaviour = load_behaviour(study.behaviour)
+    behaviour = behaviour_of(study)
     out.mkdir(parents=True, exist_ok=True)
     with locked(out), jax.enable_x64(False):
         folder = None

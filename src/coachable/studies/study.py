@@ -51,7 +51,7 @@ class Study:
     reward_variant: Variant = "stay"
     """Table of the phase reward: `stay`, `equation` or `released`."""
     behaviour: str = "compass-walking"
-    """The described behaviour: a shipped name or a path."""
+    """The described behaviour: a shipped name or a file."""
     clock: Literal["free", "touchdown"] = "free"
     """`free` samples every 0.01 s; `touchdown` restarts the sample clock at every touchdown."""
     trainer: Literal["ppo"] = "ppo"

@@ -1,0 +1,80 @@
+"""The command line: parses, calls, prints."""
+
+from __future__ import annotations
+
+import inspect
+import shlex
+import sys
+from collections.abc import Sequence
+
+import tyro
+
+import coachable
+from coachable.behaviours.suggestion import suggestion
+from coachable.cli import descriptions, studies, walks
+from coachable.errors import CoachableError
+
+COMMANDS = {
+    "study": studies.study,
+    "table": studies.table,
+    "report": studies.report,
+    "watch": walks.watch,
+    "baseline": walks.baseline,
+    "check": descriptions.check,
+    "format": descriptions.format,
+    "explain": descriptions.explain,
+    "cite": studies.cite,
+}
+
+_STYLE = (tyro.conf.FlagCreatePairsOff,)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line; exits 2 after a user's mistake, 130 after Ctrl-C."""
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        _run(arguments)
+    except CoachableError as error:
+        print(f"coachable: {error}", file=sys.stderr)
+        sys.exit(2)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        print(f"coachable: {error.filename}: {error.strerror}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        command = shlex.join(["coachable", *arguments])
+        print(f"\nStopped. Nothing is lost; go on with:\n  {command}", file=sys.stderr)
+        sys.exit(130)
+
+
+def _run(arguments: list[str]) -> None:
+    if not arguments or arguments[0] in ("-h", "--help"):
+        print(_overview())
+        return
+    name, *rest = arguments
+    if name not in COMMANDS:
+        raise CoachableError(f"there is no command {name!r}; {suggestion(name, COMMANDS)}")
+    command = COMMANDS[name]
+    description = inspect.getdoc(command)
+    tyro.cli(command, prog=f"coachable {name}", description=description, args=rest, config=_STYLE)
+
+
+def _overview() -> str:
+    summaries = {
+        name: (inspect.getdoc(command) or "").partition("\n")[0] for name, command in COMMANDS.items()
+    }
+    return "\n".join(
+        [
+            (coachable.__doc__ or "").partition("\n")[0],
+            "",
+            "  coachable study demo                                        two minutes, to see it work",
+            "  coachable study paper --out runs/paper                      the paper's whole study",
+            "  coachable report runs/paper                                 one page: what was learned",
+            "  coachable watch runs/paper --setup orthant --seed 3 -o gait.gif",
+            "",
+            *(f"  {name:<10}{summary}" for name, summary in summaries.items()),
+            "",
+            "coachable COMMAND --help tells more, with examples.",
+        ]
+    )

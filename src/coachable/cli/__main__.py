@@ -1,0 +1,5 @@
+"""`python -m coachable.cli` is `coachable`."""
+
+from coachable.cli import main
+
+main()

@@ -1,0 +1,116 @@
+"""Look at walks: watch, baseline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from coachable.cli.options import Semantics, json_text, option
+
+ControllerName = Literal["virtual-gravity", "constant-torque", "none"]
+
+
+def watch(
+    run: Annotated[
+        Positional[str],
+        arg(metavar="RUN", help="A run folder, or a baseline: virtual-gravity, constant-torque, none."),
+    ],
+    out: Annotated[
+        Path,
+        arg(aliases=["-o"], metavar="FILE", help="gait.gif, gait.mp4 (needs the [video] extra) or gait.png."),
+    ],
+    setup: Annotated[str | None, option("NAME", "The lane's setup.", otherwise="the plan's first")] = None,
+    seed: Annotated[
+        tuple[int, ...] | None,
+        option("N [N …]", "The lane's seed; several walk side by side.", otherwise="the plan's first"),
+    ] = None,
+    which: Annotated[
+        Literal["last", "best"],
+        arg(help="The policy after the last update, or the one with the best evaluation return."),
+    ] = "last",
+    seconds: Annotated[float, arg(help="How much of the walk.")] = 10.0,
+    semantics: Annotated[Semantics, arg(help="Of a baseline; a run has its own.")] = "paper",
+) -> None:
+    """Draw a walk: the walker on the ground, its phase in colour.
+
+    For example:
+
+        coachable watch runs/paper --setup orthant --seed 3 -o gait.gif
+        coachable watch runs/paper --setup sparse --seed 1 2 3 --which best -o gaits.mp4
+        coachable watch runs/paper --setup sparse -o gait.png
+        coachable watch virtual-gravity -o gait.gif
+    """
+    from coachable.viewing.watch import draw_walks, require_drawable
+
+    require_drawable(out)
+    from coachable.envs.baselines import CONTROLLER_NAMES
+    from coachable.studies.walks import walk_of_baseline, walk_of_lane
+
+    if run in CONTROLLER_NAMES:
+        walks = [walk_of_baseline(run, semantics, seconds)]
+        who = walks[0].title
+    else:
+        from coachable.studies.store import load_run
+
+        opened = load_run(run)
+        setup = setup or opened.plan.setups[0].name
+        seeds = dict.fromkeys(seed or (opened.plan.first_seed,))
+        walks = [walk_of_lane(opened, setup, number, which, seconds) for number in seeds]
+        who = f"{setup}, seed{'s' * (len(walks) > 1)} {', '.join(map(str, seeds))}, {which} policy"
+    titles = [walk.title if len(walks) > 1 else "" for walk in walks]
+    trajectories = {title: walk.trajectory for title, walk in zip(titles, walks, strict=True)}
+    draw_walks(trajectories, out, walks[0].behaviour.phases, walks[0].parameters)
+    print(f"{out}: {who}")
+
+
+def baseline(
+    controller: Annotated[
+        ControllerName,
+        arg(help="Virtual gravity (slope −0.07), the constant torque (−1.35, −0.18) N m, or no torque."),
+    ] = "virtual-gravity",
+    semantics: Annotated[
+        Semantics, arg(help="What the paper means, or what its code does, quirks included.")
+    ] = "paper",
+    json: Annotated[bool, arg(help="Print JSON.")] = False,
+) -> None:
+    """Walk a baseline for ten seconds, in float64, and print how it does.
+
+    For example:
+
+        coachable baseline
+        coachable baseline --controller constant-torque --json
+        coachable baseline --semantics released-code
+    """
+    from coachable.envs.baselines import baseline as walk
+
+    report = walk(controller, semantics)
+    numbers = {
+        "controller": controller,
+        "semantics": semantics,
+        "hip_x": report.hip_x,
+        "foot_x": report.foot_x,
+        "touchdowns": report.touchdowns,
+        "period": report.period,
+        "step_length": report.step_length,
+        "speed": report.speed,
+        "share_in_cycle": report.share_in_cycle,
+        "fell": report.fell,
+        "rewards": dict(report.rewards),
+    }
+    if json:
+        print(json_text(numbers))
+        return
+    print(f"{controller}, {semantics} semantics, 10 s" + (": it fell" if report.fell else ""))
+    for what, value, digits, unit in (
+        ("hip distance", report.hip_x, 4, "m"),
+        ("foot distance", report.foot_x, 4, "m"),
+        ("touchdowns", report.touchdowns, 0, ""),
+        ("period", report.period, 4, "s"),
+        ("step length", report.step_length, 4, "m"),
+        ("speed", report.speed, 3, "m/s"),
+        ("in the cycle", 100 * report.share_in_cycle, 1, "% of samples"),
+        *((f"reward, {name}", reward, 3, "") for name, reward in report.rewards.items()),
+    ):
+        print(f"  {what:<24}{value:>10.{digits}f} {unit}".rstrip())
