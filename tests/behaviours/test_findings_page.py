@@ -4,10 +4,10 @@ import re
 from pathlib import Path
 
 import pytest
-from coachable.behaviours.parser import parse
 
 from coachable.behaviours.checker import check
 from coachable.behaviours.findings import witness_text
+from coachable.behaviours.parser import parse
 
 PACKAGE = Path(__file__).parents[2] / "src" / "coachable" / "behaviours"
 PAGE = (Path(__file__).parents[2] / "docs" / "findings.md").read_text(encoding="utf-8")

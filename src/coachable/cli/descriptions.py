@@ -27,7 +27,7 @@ def check(
     """
     from rich.console import Console
 
-    from coachable.behaviours.check_report import print_report
+    from coachable.behaviours.check_report import print_report, to_json
     from coachable.behaviours.checker import check as find
     from coachable.behaviours.document import read_document
 
@@ -110,7 +110,7 @@ def explain(
     """
     from rich.console import Console
 
-    from coachable.automata.explanation import as_text
+    from coachable.automata.explanation import as_json, as_text
     from coachable.automata.explanation import explain as watch_trace
     from coachable.behaviours.library import load_behaviour
 
