@@ -211,6 +211,27 @@ def watch(
     print(f"{out}: {who}")
 
 
+def diff(
+    first: Annotated[Positional[str], arg(metavar="A", help="A behaviour: a shipped name or a file.")],
+    second: Annotated[Positional[str], arg(metavar="B", help="The behaviour to compare it with.")],
+    json: Annotated[bool, arg(help="Print JSON.")] = False,
+) -> None:
+    """Tell how two descriptions differ in meaning, with states in which they disagree.
+
+    Exits 0 if they mean the same, 1 if they differ, 2 if one cannot be read. For example:
+
+        coachable diff compass-walking compass-walking-released
+        coachable diff mine.behaviour yours.behaviour --json
+    """
+    from coachable.behaviours.library import load_behaviour
+    from coachable.rewards.difference import as_json, as_text, differences
+
+    one, other = load_behaviour(first), load_behaviour(second)
+    found = differences(one, other)
+    print(as_json(found) if json else as_text(found, (*other.signals, *one.signals)))
+    sys.exit(int(any(difference.matters for difference in found)))
+
+
 def cite() -> None:
     """Print what to cite, as BibTeX.
 
@@ -223,7 +244,14 @@ def cite() -> None:
     print(citation(), end="")
 
 
-COMMANDS = {"study": study, "table": table, "watch": watch, "baseline": baseline, "cite": cite}
+COMMANDS = {
+    "study": study,
+    "table": table,
+    "watch": watch,
+    "baseline": baseline,
+    "diff": diff,
+    "cite": cite,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
