@@ -232,6 +232,31 @@ def diff(
     sys.exit(int(any(difference.matters for difference in found)))
 
 
+def crossing(
+    behaviour: Annotated[
+        Positional[str], arg(metavar="FILE", help="A behaviour: a shipped name or a file of your own.")
+    ],
+    plant: Annotated[Literal["compass"], arg(help="What the behaviour is bound to.")] = "compass",
+    json: Annotated[bool, arg(help="Print JSON.")] = False,
+) -> None:
+    """Tell for which states before touchdown an edge is taken at once.
+
+    For example:
+
+        coachable crossing compass-walking
+    """
+    from coachable.automata.crossing import explain_crossings
+    from coachable.automata.hybrid import HybridAutomaton
+    from coachable.behaviours.library import load_behaviour
+    from coachable.plants.compass import CompassWalker
+
+    answers = explain_crossings(HybridAutomaton.of(load_behaviour(behaviour), CompassWalker()))
+    if json:
+        print(_json({"plant": plant, "crossings": [answer.data for answer in answers]}))
+    else:
+        print("\n".join(line for answer in answers for line in answer.sentences))
+
+
 def cite() -> None:
     """Print what to cite, as BibTeX.
 
@@ -250,6 +275,7 @@ COMMANDS = {
     "watch": watch,
     "baseline": baseline,
     "diff": diff,
+    "crossing": crossing,
     "cite": cite,
 }
 
