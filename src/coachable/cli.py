@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from coachable.plants.compass import CompassParameters
 
 _FILMS, _PICTURES = (".gif", ".mp4"), (".png", ".svg", ".pdf")
+_DRAWINGS = (".svg", ".png", ".dot", ".mmd")
 STORED_SECONDS = 10.0
 """How long the walks in a run folder are."""
 _STYLE = (tyro.conf.FlagCreatePairsOff,)
@@ -211,6 +212,54 @@ def watch(
     print(f"{out}: {who}")
 
 
+def draw(
+    behaviour: Annotated[
+        Positional[str], arg(metavar="FILE", help="A behaviour: a shipped name or a file of your own.")
+    ],
+    out: Annotated[
+        Path,
+        arg(aliases=["-o"], metavar="PICTURE", help="x.svg or x.png; x.dot (Graphviz) or x.mmd (Mermaid)."),
+    ],
+    reward: Annotated[
+        Literal["stay", "equation", "released"] | None,
+        _option("stay|equation|released", "Draw what the phase reward pays, read this way, instead."),
+    ] = None,
+) -> None:
+    """Draw a behaviour: its automaton, or what its reward pays.
+
+    For example:
+
+        coachable draw compass-walking -o walking.svg
+        coachable draw mine.behaviour -o mine.png
+        coachable draw compass-walking --reward stay -o reward.svg
+    """
+    from coachable.behaviours.library import load_behaviour
+
+    suffixes = _DRAWINGS if reward is None else _DRAWINGS[:2]
+    if (suffix := out.suffix.lower()) not in suffixes:
+        raise CoachableError(f"{out}: give a file that ends in {', '.join(suffixes)}")
+    described = load_behaviour(behaviour)
+    if suffix in _DRAWINGS[2:]:
+        from coachable.automata.plain_text import automaton_dot, automaton_mermaid
+
+        text = automaton_dot(described) if suffix == ".dot" else automaton_mermaid(described)
+    elif reward is None:
+        from coachable.automata.draw import automaton_svg
+
+        text = automaton_svg(described)
+    else:
+        from coachable.rewards.picture import reward_svg
+
+        text = reward_svg(described, reward)
+    if suffix == ".png":
+        from coachable.automata.raster import svg_to_png
+
+        out.write_bytes(svg_to_png(text))
+    else:
+        out.write_text(text, encoding="utf-8")
+    print(f"{out}: {described.name}")
+
+
 def diff(
     first: Annotated[Positional[str], arg(metavar="A", help="A behaviour: a shipped name or a file.")],
     second: Annotated[Positional[str], arg(metavar="B", help="The behaviour to compare it with.")],
@@ -274,6 +323,7 @@ COMMANDS = {
     "table": table,
     "watch": watch,
     "baseline": baseline,
+    "draw": draw,
     "diff": diff,
     "crossing": crossing,
     "cite": cite,
