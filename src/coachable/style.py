@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import matplotlib as mpl
-from matplotlib.colors import to_hex, to_rgb
-from matplotlib.figure import Figure
+if TYPE_CHECKING:
+    import matplotlib.figure
 
 INK = "#222222"
 FAINT = "#8c8c8c"
@@ -29,6 +29,9 @@ _FURTHER_SETUPS = ("#cc79a7", "#56b4e9", "#d55e00", "#6a51a3", "#8c6d31")
 
 _PHASES = ("#9ecae9", "#b5dfb0", "#f4dc8a", "#f7b6a0", "#d3bde6", "#a8e0d8")
 OUTSIDE = "#d5d5d5"
+
+PAID = "#00795a"
+PUNISHED = "#b3482b"
 
 DOTS_PER_INCH = 200
 
@@ -56,14 +59,15 @@ def dimmed(colour: str) -> str:
 
 
 def _mixed(colour: str, other: str, share: float) -> str:
-    (r, g, b), (red, green, blue) = to_rgb(colour), to_rgb(other)
-    keep = 1 - share
-    return to_hex((keep * r + share * red, keep * g + share * green, keep * b + share * blue))
+    pairs = ((int(colour[i : i + 2], 16), int(other[i : i + 2], 16)) for i in (1, 3, 5))
+    return "#" + "".join(f"{round((1 - share) * one + share * two):02x}" for one, two in pairs)
 
 
 @contextmanager
 def drawing() -> Iterator[None]:
     """Matplotlib settings for figures drawn inside the block; the caller's own are back after it."""
+    import matplotlib as mpl
+
     with mpl.rc_context(
         {
             "font.family": "DejaVu Sans",
@@ -100,7 +104,7 @@ def drawing() -> Iterator[None]:
         yield
 
 
-def save(figure: Figure, path: Path) -> None:
+def save(figure: matplotlib.figure.Figure, path: Path) -> None:
     """Write a figure in the format of its suffix. Equal figures are equal bytes: no date, no random ids."""
     metadata = {
         ".svg": {"Date": None, "Creator": "coachable"},

@@ -1,21 +1,18 @@
-"""Where the boxes and the arrows of a drawn automaton go."""
+"""Where the boxes of a drawn automaton go: clockwise around an ellipse."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 from coachable.behaviours.behaviour import Behaviour
 
 Point = tuple[float, float]
 
-_GAP = (52.0, 54.0)
 _RADII = (248.0, 176.0)
-_CLEARANCE = 3.0
-_HEAD = 10.0
-_SAMPLES = 600
+_GAP = (52.0, 46.0)
+_STEPS = 400
 
 
 @dataclass(frozen=True)
@@ -39,18 +36,19 @@ class Box:
         return across < gap[0] and along < gap[1]
 
 
-@dataclass(frozen=True)
-class Arrow:
-    """A curve and its head as SVG path data, and where a label goes: a point, and the way off the curve."""
-
-    curve: str
-    head: str
-    label_at: Point
-    away: Point
-
-
 def drawing_order(behaviour: Behaviour) -> tuple[str, ...]:
-    """The phases in the order in which the first edge of each leads through them all, else as given."""
+    """The phases in the order in which they stand around the ring.
+
+    The longest cycle that the behaviour declares comes first, then the others, each phase where its edges are
+    shortest. Without a cycle, the first edge of each phase is followed; if that does not lead through them
+    all, they stand as they are given.
+    """
+    if behaviour.cycles:
+        cycles = sorted(behaviour.cycles, key=len, reverse=True)
+        main = list(dict.fromkeys(edge.source for edge in cycles[0]))
+        others = (edge.source for cycle in cycles[1:] for edge in cycle)
+        order = list(dict.fromkeys((*main, *others, *behaviour.phase_names)))
+        return tuple(_shortened(order, order[len(main) :], behaviour))
     follows = {edge.source: edge.target for edge in reversed(behaviour.edges)}
     order = [behaviour.phase_names[0]]
     while (following := follows.get(order[-1])) is not None and following not in order:
@@ -58,102 +56,108 @@ def drawing_order(behaviour: Behaviour) -> tuple[str, ...]:
     return tuple(order) if len(order) == len(behaviour.phases) else behaviour.phase_names
 
 
-def arrow_head(tip: Point, behind: Point, size: float = _HEAD) -> str:
-    """A filled head with its tip at a point, which it reaches coming from another."""
-    (x, y), (along, across) = tip, _unit((tip[0] - behind[0], tip[1] - behind[1]))
+def _shortened(order: list[str], movable: Sequence[str], behaviour: Behaviour) -> list[str]:
+    """The order after moving phases, each to where the edges are shortest, until nothing is gained."""
+    while True:
+        moves = [
+            [*rest[:at], name, *rest[at:]]
+            for name in movable
+            for rest in ([other for other in order if other != name],)
+            for at in range(1, len(order))
+        ]
+        best = min(moves, key=lambda moved: _length(moved, behaviour), default=order)
+        if _length(best, behaviour) >= _length(order, behaviour):
+            return order
+        order = best
 
-    def at(back: float, aside: float) -> str:
-        return f"{x - back * along - aside * across:.1f} {y - back * across + aside * along:.1f}"
 
-    return f"M{at(0.0, 0.0)}L{at(size, 0.42 * size)}L{at(0.75 * size, 0.0)}L{at(size, -0.42 * size)}Z"
+def _length(order: Sequence[str], behaviour: Behaviour) -> int:
+    """How many places all edges together go around the ring, the shorter way."""
+    total = 0
+    for edge in behaviour.edges:
+        apart = abs(order.index(edge.source) - order.index(edge.target))
+        total += min(apart, len(order) - apart)
+    return total
 
 
 @dataclass(frozen=True)
 class Ring:
-    """Boxes clockwise around an ellipse with its centre at (0, 0), the first one on top."""
+    """Boxes of one size clockwise around an ellipse with its centre at (0, 0), the first one on top."""
 
     boxes: tuple[Box, ...]
+    angles: tuple[float, ...]
     radii: Point
 
     @staticmethod
-    def of(num_boxes: int, width: float, height: float) -> Ring:
-        """The smallest ring on which boxes of this size leave room for the arrows between them."""
-        across, along = _RADII
-        while True:
-            ellipse = Ring((), (across, along))
-            points = [ellipse.point(ellipse.angle(index, num_boxes)) for index in range(num_boxes)]
-            boxes = tuple(Box(x, y, width, height) for x, y in points)
-            if not any(one.overlaps(other, _GAP) for one, other in combinations(boxes, 2)):
-                return Ring(boxes, (across, along))
-            across, along = 1.02 * across, 1.04 * along
+    def of(
+        num_boxes: int,
+        width: float,
+        height: float,
+        spread: float = 1.0,
+        inside: float = 0.0,
+        radii: Point = _RADII,
+    ) -> Ring:
+        """The smallest ring on which boxes of this size leave gaps of one kind between neighbours.
 
-    @staticmethod
-    def angle(index: int | float, count: int) -> float:
-        """The parameter at which the box of an index lies; between two indices, between two boxes [rad]."""
-        return 2 * math.pi * index / count - math.pi / 2
+        **Arguments:** `spread`: how much larger than usual the gaps are; `inside`: how wide it is free
+        inside at least [px]; `radii`: the smallest ring for three boxes or more.
+        """
+        gap = (_GAP[0] * spread, _GAP[1] * spread)
+        cell = (width + gap[0], height + gap[1])
+        across = max(radii[0] if num_boxes > 2 else 150.0, (width + max(inside, gap[0])) / 2) * spread**0.5
+        along = (radii[1] if num_boxes > 2 else cell[1] / 2) * spread**0.5
+        while (angles := _even(num_boxes, (across, along), cell)) is None:
+            across, along = 1.004 * across, 1.03 * along
+        places = ((across * math.cos(angle), along * math.sin(angle)) for angle in angles)
+        return Ring(tuple(Box(x, y, width, height) for x, y in places), angles, (across, along))
 
     def point(self, angle: float) -> Point:
         """The point of the ellipse at a parameter."""
         return self.radii[0] * math.cos(angle), self.radii[1] * math.sin(angle)
 
-    def arrow(self, source: int, target: int) -> Arrow:
-        """The arrow between two boxes: along the ellipse to the next one, through the inside to others."""
-        if source == target:
-            return self._loop(self.boxes[source])
-        if target == (source + 1) % len(self.boxes):
-            return self._arc(source, target)
-        return self._chord(source, target)
 
-    def _arc(self, source: int, target: int) -> Arrow:
-        def angle(t: float) -> float:
-            return self.angle(source + t, len(self.boxes))
+def _even(count: int, radii: Point, cell: Point) -> tuple[float, ...] | None:
+    """The parameters of places around the ellipse, from the top, or none if they do not fit.
 
-        start, end, tip = self._cut(lambda t: self.point(angle(t)), source, target)
-        (x0, y0), (x1, y1) = self.point(angle(start)), self.point(angle(end))
-        radii = f"{self.radii[0]:.1f} {self.radii[1]:.1f}"
-        middle = angle((start + tip) / 2)
-        return Arrow(
-            curve=f"M{x0:.1f} {y0:.1f}A{radii} 0 0 1 {x1:.1f} {y1:.1f}",
-            head=arrow_head(self.point(angle(tip)), (x1, y1)),
-            label_at=self.point(middle),
-            away=_unit((math.cos(middle) / self.radii[0], math.sin(middle) / self.radii[1])),
-        )
+    Neighbours are a cell apart at least, across or along, and about equally far. Left and right are alike.
+    """
+    side = (count - 1) // 2
+    angles = [math.pi * (step / _STEPS - 0.5) for step in range(_STEPS + 1)]
+    ellipse = [(radii[0] * math.cos(angle), radii[1] * math.sin(angle)) for angle in angles]
 
-    def _chord(self, source: int, target: int) -> Arrow:
-        (x0, y0), (x2, y2) = ((self.boxes[index].x, self.boxes[index].y) for index in (source, target))
-        # Bent to the left of its direction, so that an arrow and its reverse do not lie on each other.
-        away = _unit((y2 - y0, x0 - x2))
-        bend = 0.16 * math.hypot(x2 - x0, y2 - y0)
-        x1, y1 = 0.4 * (x0 + x2) + bend * away[0], 0.4 * (y0 + y2) + bend * away[1]
+    def apart(one: Point, other: Point) -> float:
+        return max(abs(one[0] - other[0]) / cell[0], abs(one[1] - other[1]) / cell[1])
 
-        def blossom(s: float, t: float) -> Point:
-            a, b, c = (1 - s) * (1 - t), s + t - 2 * s * t, s * t
-            return a * x0 + b * x1 + c * x2, a * y0 + b * y1 + c * y2
+    def walk(distance: float) -> list[int] | None:
+        """The places down the right side, each as soon as it is far enough from the one above."""
+        steps = [0]
+        while len(steps) <= side:
+            above = ellipse[steps[-1]]
+            far = (
+                at
+                for at in range(steps[-1], _STEPS)
+                if apart(above, ellipse[at]) >= distance and 2 * ellipse[at][0] >= cell[0]
+            )
+            if (step := next(far, None)) is None:
+                return None
+            steps.append(step)
+        x, y = ellipse[steps[-1]]
+        below = ellipse[-1] if count % 2 == 0 else (-x, y)
+        return steps if count == 1 or apart((x, y), below) >= distance else None
 
-        start, end, tip = self._cut(lambda t: blossom(t, t), source, target)
-        # A quadratic Bézier curve between s and t has the control points b(s, s), b(s, t), b(t, t).
-        corners = [blossom(start, start), blossom(start, end), blossom(end, end)]
-        begin, control, last = (f"{x:.1f} {y:.1f}" for x, y in corners)
-        middle = (start + tip) / 2
-        head = arrow_head(blossom(tip, tip), corners[2])
-        return Arrow(f"M{begin}Q{control} {last}", head, blossom(middle, middle), away)
-
-    def _loop(self, box: Box) -> Arrow:
-        side = 1 if box.y > 0 else -1
-        x, start = box.x - 0.25 * box.width, box.y + side * box.height / 2
-        far, tip = start + 46 * side, start + _CLEARANCE * side
-        behind = (x + 19, tip + 0.7 * _HEAD * side)
-        controls = f"{x - 34:.1f} {far:.1f} {x + 34:.1f} {far:.1f}"
-        curve = f"M{x - 16:.1f} {start:.1f}C{controls} {behind[0]:.1f} {behind[1]:.1f}"
-        return Arrow(curve, arrow_head((x + 16, tip), behind), (x, start + 36 * side), (0.0, float(side)))
-
-    def _cut(self, curve: Callable[[float], Point], source: int, target: int) -> tuple[float, float, float]:
-        """When a curve over [0, 1] leaves its source, when its line ends, and when its head arrives."""
-        times = [step / _SAMPLES for step in range(_SAMPLES + 1)]
-        start = max(t for t in times if self.boxes[source].contains(curve(t)))
-        tip = min(t for t in times if self.boxes[target].contains(curve(t), _CLEARANCE))
-        end = max(t for t in times if t < tip and math.dist(curve(t), curve(tip)) >= 0.7 * _HEAD)
-        return start, end, tip
+    if (best := walk(1.0)) is None:
+        return None
+    low, high = 1.0, 4.0
+    for _ in range(12):
+        middle = (low + high) / 2
+        steps = walk(middle)
+        low, high, best = (low, middle, best) if steps is None else (middle, high, steps)
+    right = [angles[step] for step in best]
+    if count % 2 == 0:
+        # What is left over at the bottom is shared with the top.
+        right = [(down - up) / 2 for down, up in zip(right[1:], reversed(right[1:]), strict=True)]
+        right = [-math.pi / 2, *right, math.pi / 2]
+    return (*right, *(math.pi - angle for angle in reversed(right[1 : side + 1])))
 
 
 def surrounding(boxes: Sequence[Box], margin: float) -> Box:
@@ -165,6 +169,7 @@ def surrounding(boxes: Sequence[Box], margin: float) -> Box:
     return Box((left + right) / 2, (top + bottom) / 2, right - left, bottom - top)
 
 
-def _unit(vector: Point) -> Point:
+def unit(vector: Point) -> Point:
+    """The vector at length one; nothing for nothing."""
     length = math.hypot(*vector) or 1.0
     return vector[0] / length, vector[1] / length

@@ -17,11 +17,38 @@ SIZES: Mapping[str, float] = {
     "event": 14.0,
     "reset": 14.5,
     "note": 12.0,
+    "dwell": 12.0,
+    "words": 13.5,
+    "heading": 16.0,
+    "description": 12.5,
 }
 """The size of each kind of text [px]."""
 
-_LEADING: Mapping[str, float] = {"title": 1.3, "formula": 1.55, "reset": 1.5}
-_GLYPH = 0.54
+_LEADING: Mapping[str, float] = {"title": 1.3, "formula": 1.55, "reset": 1.5, "description": 1.35}
+_BOLD = ("name", "event", "heading")
+_WIDTHS: Mapping[str, float] = {
+    character: width
+    for width, characters in {
+        0.3: "'IJijl",
+        0.35: ",./:;\\f| \u00a0·",
+        0.41: "!()-[]t₀₁₂₃₄₅₆₇₈₉⁺²³",
+        0.46: '"r',
+        0.5: "*_`–",
+        0.55: "?Lcsz“”",
+        0.6: "FPkvxyγ",
+        0.7: "ABCRVXZ",
+        0.75: "HNU∧∨",
+        0.8: "&DGOQ",
+        0.84: "#+<=>^w~ω≤≥−±¬→↔",
+        0.9: "M",
+        0.95: "%",
+        1.0: "@Wm—…",
+    }.items()
+    for character in characters
+}
+_LETTER, _OTHER, _BOLDER = 0.64, 1.0, 1.14
+"""How wide letters are in DejaVu Sans, about the widest of the fonts that a reader may have."""
+
 _FORBIDDEN = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
@@ -40,7 +67,8 @@ class Line:
     @property
     def width(self) -> float:
         """How long the line is, estimated, for no fonts can be asked here [px]."""
-        return max(start + _GLYPH * _num_glyphs(text) for start, text in self.cells) * SIZES[self.kind]
+        widest = max(start + text_width(text, self.kind in _BOLD) for start, text in self.cells)
+        return widest * SIZES[self.kind]
 
     @property
     def height(self) -> float:
@@ -72,6 +100,17 @@ def lettering(lines: Sequence[Line], left: float, top: float, colours: Mapping[s
     return "".join(parts)
 
 
+def text_width(text: str, bold: bool = False) -> float:
+    """How long a text is, estimated from above, in letter sizes."""
+    # Scripts beyond Greek may be as wide as they are high.
+    width = sum(
+        _WIDTHS.get(character, _LETTER if character < "\u0530" else _OTHER)
+        for character in text
+        if not combining(character)
+    )
+    return (_BOLDER if bold else 1.0) * width
+
+
 def safe(text: str) -> str:
     """Text that XML shows and does not read, without the characters that XML cannot hold."""
     return escape(_FORBIDDEN.sub("", text))
@@ -90,7 +129,3 @@ def _coloured(text: str, colours: Mapping[str, str]) -> str:
         return f'<tspan fill="{by_word[match[0]]}">{letters}</tspan>'
 
     return words.sub(paint, safe(text))
-
-
-def _num_glyphs(text: str) -> int:
-    return sum(not combining(character) for character in text)

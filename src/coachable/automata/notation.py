@@ -13,7 +13,17 @@ from coachable.behaviours.expressions import (
     Number,
     Variable,
 )
-from coachable.behaviours.predicates import All, Any, Between, Comparison, Near, Not, Phrase, Predicate
+from coachable.behaviours.predicates import (
+    All,
+    Any,
+    Between,
+    Comparison,
+    Near,
+    Not,
+    Phrase,
+    Predicate,
+    conjuncts,
+)
 
 _LETTERS = {
     "alpha": "α",
@@ -50,6 +60,8 @@ def pretty_expression(expression: Expression) -> str:
             return pretty_name(name)
         case Negative(operand):
             return f"−{_factor(operand)}"
+        case Arithmetic(left, "*", right) if left == right and isinstance(left, Variable | Constant):
+            return f"{_factor(left)}²"
         case Arithmetic(left, "*", right):
             return f"{_factor(left)} {_factor(right)}"
         case Arithmetic(left, "/", right):
@@ -69,9 +81,10 @@ def pretty_predicate(predicate: Predicate) -> str:
     """A predicate with ∧, ∨ and ¬ and the signals' pretty names; phrases are spelt out."""
     match predicate:
         case Comparison(left, relation, right):
-            return f"{pretty_expression(left)} {_RELATIONS[relation]} {pretty_expression(right)}"
+            right_side = pretty_expression(right) + pretty_deadband(predicate.deadband)
+            return f"{pretty_expression(left)} {_RELATIONS[relation]} {right_side}"
         case Between(low, low_relation, middle, high_relation, high):
-            ends = pretty_expression(low), pretty_expression(high)
+            ends = pretty_expression(low), pretty_expression(high) + pretty_deadband(predicate.deadband)
             relations = _RELATIONS[low_relation], _RELATIONS[high_relation]
             return f"{ends[0]} {relations[0]} {pretty_expression(middle)} {relations[1]} {ends[1]}"
         case Near(value, target, tolerance):
@@ -83,8 +96,42 @@ def pretty_predicate(predicate: Predicate) -> str:
             return " ∧ ".join(map(_operand, parts)) or "true"
         case Any(parts=parts):
             return " ∨ ".join(map(_operand, parts)) or "false"
-        case Not(part):
-            return f"¬({pretty_predicate(part)})"
+        case Not():
+            opposite = conjuncts(predicate)
+            simple = len(opposite) == 1 and isinstance(opposite[0], Comparison)
+            return pretty_predicate(opposite[0]) if simple else f"¬({pretty_predicate(part)})"
+
+
+def conditions(predicate: Predicate) -> tuple[Predicate, ...]:
+    """The parts that must all hold, in their order, ranges left whole: one line each in a picture."""
+    match predicate:
+        case Phrase(predicate=inner):
+            return conditions(inner)
+        case All(parts=parts):
+            return tuple(dict.fromkeys(inner for part in parts for inner in conditions(part)))
+        case Not():
+            opposite = conjuncts(predicate)
+            return opposite if opposite and not isinstance(opposite[0], Any) else (predicate,)
+        case _:
+            return (predicate,)
+
+
+def phrases(predicate: Predicate) -> tuple[str, ...]:
+    """The same in the words that it was written in, where it was."""
+    match predicate:
+        case All(parts=parts):
+            return tuple(dict.fromkeys(inner for part in parts for inner in phrases(part)))
+        case Phrase(words) | Not(Phrase(words)):
+            return (words if isinstance(predicate, Phrase) else f"not {words}",)
+        case Any(parts=parts) if all(isinstance(part, Phrase | Not) for part in parts):
+            return (" or ".join(words for part in parts for words in phrases(part)),)
+        case _:
+            return tuple(map(pretty_predicate, conditions(predicate)))
+
+
+def pretty_deadband(deadband: Number | None) -> str:
+    """A deadband, behind the bound that it softens: `(±0.01)`."""
+    return "" if deadband is None else f" (±{pretty_expression(deadband)})"
 
 
 def _operand(predicate: Predicate) -> str:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from coachable.automata.layout import Point, arrow_head
+from coachable.automata.layout import Point
+from coachable.automata.routing import arrow_head
 from coachable.behaviours.behaviour import Behaviour, Phase
 from coachable.behaviours.expressions import Number, Variable
 from coachable.behaviours.predicates import Comparison, conjuncts
-
-STANCE = "#0072b2"
-SWING = "#e07b00"
+from coachable.style import STANCE, SWING
 
 COLOURS = {"theta_1": STANCE, "dtheta_1": STANCE, "theta_2": SWING, "dtheta_2": SWING}
 """The leg that a signal belongs to, as its colour."""

@@ -17,6 +17,7 @@ from coachable.behaviours import sines
 from coachable.behaviours.affine import nearest_float
 from coachable.behaviours.behaviour import Assignment
 from coachable.behaviours.encoding import Encoding, Formula, Real, State, Witness
+from coachable.behaviours.expressions import Expression
 from coachable.behaviours.predicates import Comparison, Not, Predicate, holds
 
 Model = typing.Any
@@ -49,6 +50,10 @@ class Question:
     def after(self, state: State, reset: Sequence[Assignment]) -> State:
         """The state right after the signals have jumped."""
         return self._encoding.after(state, reset)
+
+    def value(self, expression: Expression, state: State) -> Real:
+        """What an expression is worth in a state, for `require_that`; what it divides by must not be zero."""
+        return self._encoding.value(expression, state, [])
 
     def unknown_number(self) -> Real:
         """A number of which nothing is known yet, such as a time."""

@@ -22,6 +22,8 @@ COMMANDS = {
     "baseline": walks.baseline,
     "check": descriptions.check,
     "format": descriptions.format,
+    "draw": descriptions.draw,
+    "diff": descriptions.diff,
     "explain": descriptions.explain,
     "cite": studies.cite,
 }

@@ -1,21 +1,33 @@
-"""Work with descriptions: check, format, explain."""
+"""Work with descriptions: check, format, draw, diff, explain."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
 from coachable.cli.options import json_text, option
 from coachable.errors import CoachableError
 
+if TYPE_CHECKING:
+    from coachable.automata.crossing import Crossing
+    from coachable.behaviours.behaviour import Behaviour
+
+_DRAWINGS = (".svg", ".png", ".dot", ".mmd")
+
 
 def check(
-    file: Annotated[Positional[Path], arg(metavar="FILE", help="A description, NAME.behaviour.")],
+    file: Annotated[
+        Positional[str], arg(metavar="FILE", help="A .behaviour file, or the name of one that ships.")
+    ],
     json: Annotated[bool, arg(help="Print JSON; docs/findings.md tells its fields.")] = False,
     strict: Annotated[bool, arg(help="Fail on warnings, too.")] = False,
+    plant: Annotated[
+        Literal["compass"] | None,
+        option("compass", "Ask also at which of its touchdowns an edge is taken at once."),
+    ] = None,
 ) -> None:
     """Tell what a description says that was not meant, each with a state that shows it.
 
@@ -24,21 +36,35 @@ def check(
         coachable check walking.behaviour
         coachable check walking.behaviour --strict
         coachable check walking.behaviour --json
+        coachable check compass-walking --plant compass
     """
     from rich.console import Console
 
     from coachable.behaviours.check_report import print_report, to_json
     from coachable.behaviours.checker import check as find
     from coachable.behaviours.document import read_document
+    from coachable.behaviours.library import find_behaviour
 
-    document = read_document(file)
+    document = read_document(find_behaviour(file))
     report = find(document.behaviour)
+    crossings = () if plant is None else _crossings(document.behaviour)
     if json:
-        print(json_text(to_json(report, document.behaviour, str(file), document.line_of)))
+        findings = to_json(report, document.behaviour, file, document.line_of)
+        print(json_text(findings | ({"crossings": [one.data for one in crossings]} if plant else {})))
     else:
-        print_report(report, document.behaviour, str(file), document.line_of, Console(highlight=False))
+        print_report(report, document.behaviour, file, document.line_of, Console(highlight=False))
+        for one in crossings:
+            print("", *one.sentences, sep="\n")
     if not report.passes(strict):
         sys.exit(1)
+
+
+def _crossings(behaviour: Behaviour) -> tuple[Crossing, ...]:
+    from coachable.automata.crossing import explain_crossings
+    from coachable.automata.hybrid import HybridAutomaton
+    from coachable.plants.compass import CompassWalker
+
+    return explain_crossings(HybridAutomaton.of(behaviour, CompassWalker()))
 
 
 def format(
@@ -76,6 +102,75 @@ def format(
         raise CoachableError("\n".join(mistakes))
     if check and unformatted:
         sys.exit(1)
+
+
+def draw(
+    behaviour: Annotated[
+        Positional[str], arg(metavar="FILE", help="A behaviour: a shipped name or a file of your own.")
+    ],
+    out: Annotated[
+        Path,
+        arg(aliases=["-o"], metavar="PICTURE", help="x.svg or x.png; x.dot (Graphviz) or x.mmd (Mermaid)."),
+    ],
+    reward: Annotated[
+        Literal["stay", "equation", "released"] | None,
+        option("stay|equation|released", "Draw what the phase reward pays, read this way, instead."),
+    ] = None,
+) -> None:
+    """Draw a behaviour: its automaton, or what its reward pays.
+
+    For example:
+
+        coachable draw compass-walking -o walking.svg
+        coachable draw mine.behaviour -o mine.png
+        coachable draw compass-walking --reward stay -o reward.svg
+    """
+    from coachable.behaviours.library import load_behaviour
+
+    suffixes = _DRAWINGS if reward is None else _DRAWINGS[:2]
+    if (suffix := out.suffix.lower()) not in suffixes:
+        raise CoachableError(f"{out}: give a file that ends in {', '.join(suffixes)}")
+    described = load_behaviour(behaviour)
+    if suffix in _DRAWINGS[2:]:
+        from coachable.automata.plain_text import automaton_dot, automaton_mermaid
+
+        text = automaton_dot(described) if suffix == ".dot" else automaton_mermaid(described)
+    elif reward is None:
+        from coachable.automata.draw import automaton_svg
+
+        text = automaton_svg(described)
+    else:
+        from coachable.rewards.picture import reward_svg
+
+        text = reward_svg(described, reward)
+    if suffix == ".png":
+        from coachable.automata.raster import svg_to_png
+
+        out.write_bytes(svg_to_png(text))
+    else:
+        out.write_text(text, encoding="utf-8")
+    print(f"{out}: {described.name}")
+
+
+def diff(
+    first: Annotated[Positional[str], arg(metavar="A", help="A behaviour: a shipped name or a file.")],
+    second: Annotated[Positional[str], arg(metavar="B", help="The behaviour to compare it with.")],
+    json: Annotated[bool, arg(help="Print JSON.")] = False,
+) -> None:
+    """Tell how two descriptions differ in meaning, with states in which they disagree.
+
+    Exits 0 if they mean the same, 1 if they differ, 2 if one cannot be read. For example:
+
+        coachable diff compass-walking compass-walking-released
+        coachable diff mine.behaviour yours.behaviour --json
+    """
+    from coachable.behaviours.library import load_behaviour
+    from coachable.rewards.difference import as_json, as_text, differences
+
+    one, other = load_behaviour(first), load_behaviour(second)
+    found = differences(one, other)
+    print(as_json(found) if json else as_text(found, (*other.signals, *one.signals)))
+    sys.exit(int(any(difference.matters for difference in found)))
 
 
 def explain(

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, fields
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -131,7 +132,7 @@ class CompassWalker(HybridSystem):
         stance = ankle + hip + p.coupling_inertia * sin * dtheta_2**2 + p.stance_weight * jnp.sin(theta_1)
         swing = -hip - p.coupling_inertia * sin * dtheta_1**2 - p.swing_weight * jnp.sin(theta_2)
         lever = p.leg_length / p.b * cos
-        ddtheta_1 = (stance + lever * swing) / self._reduced_inertia(cos)
+        ddtheta_1 = (stance + lever * swing) / self.reduced_inertia(cos)
         ddtheta_2 = swing / p.swing_inertia + lever * ddtheta_1
         return jnp.stack([dtheta_1, dtheta_2, ddtheta_1, ddtheta_2])
 
@@ -171,14 +172,23 @@ class CompassWalker(HybridSystem):
         stance leg about the hip. Equation (5) of Harnack et al., where μ₃ as printed swaps the velocities
         once too often.
         """
-        p = self.parameters
         theta_1, theta_2, dtheta_1, dtheta_2 = x
-        cos = jnp.cos(theta_1 - theta_2)
+        stance, swing = self.velocities_after_impact(jnp.cos(theta_1 - theta_2), dtheta_1, dtheta_2)
+        return jnp.stack([theta_2, theta_1, stance, swing])
+
+    def velocities_after_impact(self, cos: Any, dtheta_1: Any, dtheta_2: Any) -> tuple[Any, Any]:
+        """Return the new stance and swing leg's velocities, given cos(θ₁ − θ₂) and those before the impact.
+
+        They are linear in the velocities, and `reduced_inertia` times them is a polynomial in the cosine, of
+        degree two at most. The arguments may be arrays, floats or the terms of a solver: nothing but
+        arithmetic is done to them.
+        """
+        p = self.parameters
         hip_moment = (p.hip_mass * p.leg_length + p.leg_mass * p.a) * p.leg_length
         momentum = hip_moment * cos * dtheta_1 - p.leg_mass * p.a * p.b * dtheta_2
-        stance = momentum / self._reduced_inertia(cos)
+        stance = momentum / self.reduced_inertia(cos)
         swing = (p.leg_length * cos * stance - p.a * dtheta_1) / p.b
-        return jnp.stack([theta_2, theta_1, stance, swing])
+        return stance, swing
 
     def step_length(self, x: Float[Array, "4"]) -> Float[Array, ""]:
         """Return how far in front of the stance foot the swing foot is: l (sin θ₂ − sin θ₁) [m]."""
@@ -227,7 +237,10 @@ class CompassWalker(HybridSystem):
             return x
         return jnp.stack([x[STATE_NAMES.index(name)] for name in names])
 
-    def _reduced_inertia(self, cos: Float[Array, ""]) -> Float[Array, ""]:
-        """Return det M / (m b²), the stance leg's inertia with the swing leg free; it is positive [kg m²]."""
+    def reduced_inertia(self, cos: Any) -> Any:
+        """Return det M / (m b²), the stance leg's inertia with the swing leg free; it is positive [kg m²].
+
+        The cosine of θ₁ − θ₂ may be an array, a float or a solver's term.
+        """
         p = self.parameters
         return p.stance_inertia - p.leg_mass * p.leg_length**2 * cos**2
