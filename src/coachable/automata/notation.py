@@ -96,7 +96,7 @@ def pretty_predicate(predicate: Predicate) -> str:
             return " ∧ ".join(map(_operand, parts)) or "true"
         case Any(parts=parts):
             return " ∨ ".join(map(_operand, parts)) or "false"
-        case Not():
+        case Not(part):
             opposite = conjuncts(predicate)
             simple = len(opposite) == 1 and isinstance(opposite[0], Comparison)
             return pretty_predicate(opposite[0]) if simple else f"¬({pretty_predicate(part)})"
