@@ -21,7 +21,7 @@ _SAYS: Mapping[Variant, str] = MappingProxyType(
     {
         "stay": "Solid, +1: staying in a phase, following an edge, entering. Dashed, −1: all else.",
         "equation": "Solid, +1: following an edge, entering. Dashed, −1: all else, staying as well.",
-        "released": "Solid, +1: staying, outside, too; going on in the order. Dashed, −1: all else.",
+        "released": "Solid, +1: staying, even outside; going on in the order. Dashed, −1: all else.",
     }
 )
 _STYLE = f"""
@@ -58,7 +58,7 @@ def reward_svg(behaviour: Behaviour, variant: Variant = "stay") -> str:
     around = surrounding(boxes, 0.0)
     grid, page = _grid(behaviour, table, around)
     told = [
-        Line.plain("heading", f"What r_or pays: {behaviour.name}"),
+        Line.plain("heading", f"What r_or pays: {behaviour.name}, variant {variant}"),
         *(Line.plain("description", line) for line in balanced(_SAYS[variant], 100)),
     ]
     head = Box(0.0, 0.0, *size_of(told))
