@@ -148,6 +148,10 @@ MISTAKES = {
     ),
     "a misspelt derivative": (BEGIN + "signals\n  a = d/dt xx\n", ["line 10, column 12: xx is not a signal"]),
     "a phrase as a number": (BEGIN + "  B: far out > 1\n", ["a phrase holds or does not"]),
+    "a comparison left out": (
+        BEGIN + "  B: x 1\n",
+        ["line 9, column 8: '1'", "a comparison such as > or <="],
+    ),
     "a number as a predicate": (BEGIN + "  B: x + 1\n", ["this is a number; compare it", "x > 0"]),
     "a signal as a predicate": (BEGIN + "  B: not x\n", ["x is a number; compare it"]),
     "a predicate as a number": (BEGIN + "  B: (x > 1) + 1 > 0\n", ["one cannot calculate with"]),

@@ -45,7 +45,11 @@ def find_behaviour(name_or_path: str | Path) -> Path:
     if str(name_or_path) in SHIPPED:
         return LIBRARY / f"{name_or_path}.behaviour"
     path = Path(name_or_path)
-    if "\0" in str(path) or not path.is_file():
+    try:
+        found = path.is_file()
+    except (OSError, ValueError):
+        found = False
+    if not found:
         raise BehaviourError(
             f"{str(name_or_path)!r} is neither a behaviour that ships nor a file; "
             + suggestion(str(name_or_path), SHIPPED)

@@ -238,7 +238,7 @@ class Meaning:
             return None
         hint = suggestion(words, [*self._signals, *self._constants, *self._broken])
         if self.is_phrase(words):
-            message = "a phrase holds or does not; one cannot calculate or compare with it"
+            message, hint = "a phrase holds or does not; one cannot calculate or compare with it", ""
         elif "-" in words and set(words.split("-")) <= {*self._signals, *self._constants}:
             message, hint = f"no signal is called {words!r}", f"write {' - '.join(words.split('-'))}"
         else:

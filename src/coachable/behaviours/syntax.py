@@ -163,7 +163,7 @@ def _explained(row: Row, rule: str, text: str, error: UnexpectedInput) -> tuple[
     line = text.count("\n", 0, offset)
     column = offset - (text.rfind("\n", 0, offset) + 1) + 1
     shown = f"{found.split()[0][:40]!r}" if found.split() else "the end of the line"
-    wanted = _in_words(expected)
+    wanted = _in_words(set(expected) - _impossible(rule, text[:offset]))
     message = f"{shown} is not expected here" + (f"; expected {wanted}" if wanted else "")
     return row.place(line + 1, column), message, _hint(rule, text, offset, found, expected)
 
@@ -190,10 +190,19 @@ _WORDS_FOR = (
     ({"ASSIGN"}, ":="),
     ({"EQUALS"}, "="),
     ({"PLUS", "MINUS", "TIMES", "OVER"}, "a sign of arithmetic"),
-    *(({word}, word.lower()) for word in ("AND", "OR", "NOT", "WITHIN", "DEADBAND", "MEANS", "TO", "AT")),
-    *(({word}, word.lower()) for word in ("LEAST", "MOST", "ON", "WITH")),
+    *(({word}, f"'{word.lower()}'") for word in ("AND", "OR", "NOT", "WITHIN", "DEADBAND", "MEANS", "TO")),
+    *(({word}, f"'{word.lower()}'") for word in ("AT", "LEAST", "MOST", "ON", "WITH")),
     ({"$END"}, "the end of the line"),
 )
+
+
+def _impossible(rule: str, before: str) -> set[str]:
+    """Terminals that the parser, whose rules share states, names although they cannot come here."""
+    elsewhere = set() if rule == "chain" else {"ARROW", "ON", "WITH", "ASSIGN"}
+    elsewhere |= set() if rule == "mirror" else {"SWAP"}
+    elsewhere |= set() if rule == "phrase" and " means " not in before else {"MEANS"}
+    elsewhere |= set() if before.count("(") > before.count(")") else {"CLOSE"}
+    return elsewhere | (set() if rule == "phase" and ":" not in before else {"COLON", "FOR"})
 
 
 def _in_words(expected: Collection[str]) -> str:
