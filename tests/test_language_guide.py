@@ -50,7 +50,13 @@ def run(folder, *arguments):
 @pytest.mark.parametrize("session", [block[3] for block in BLOCKS if block[0] == "console"])
 def test_every_command_says_what_is_shown(folder, session):
     for command, shown in re.findall(r"^\$ coachable (.*)\n((?:(?!\$ ).*\n)*)", session, re.MULTILINE):
-        assert run(folder, "-m", "coachable.cli", *command.split()) == shown
+        said = run(folder, "-m", "coachable.cli", *command.split())
+        assert [line.rstrip() for line in said.splitlines()] == shown.splitlines()
+
+
+def test_its_picture_is_the_one_that_the_command_draws(folder):
+    run(folder, "-m", "coachable.cli", "draw", "squats.behaviour", "-o", "squats.svg")
+    assert (folder / "squats.svg").read_text("utf-8") == (ROOT / "docs/squats.svg").read_text("utf-8")
 
 
 @pytest.mark.parametrize("code", [block[3] for block in BLOCKS if block[0] == "python"])
