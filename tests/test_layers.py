@@ -127,7 +127,6 @@ def test_a_module_keeps_the_house_rules(module):
         ("coachable.viewing.strobe", "from coachable.analysis import figures"),
         ("coachable.behaviours.behaviour", "import numpy as np"),
         ("coachable.behaviours.library", "from jax import numpy"),
-        ("coachable.behaviours.comparison", "def later():\n    import z3"),
         ("coachable.learning.ppo", "import torch.nn"),
         ("coachable.studies.runner", "from stable_baselines3 import PPO"),
         ("coachable.studies.store", "import pickle"),

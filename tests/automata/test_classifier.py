@@ -29,6 +29,12 @@ from coachable.behaviours import (
 from coachable.behaviours.expressions import Arithmetic, Call, Negative, evaluate
 from coachable.behaviours.predicates import comparisons_of, subpredicates
 
+
+def _word(value):
+    """A word of its own for each value, for no phrase may have two meanings."""
+    return "".join(chr(ord("a") + int(digit)) for digit in str(abs(hash(value))))
+
+
 NAMES = ("x", "y", "z")
 BOUNDS = (-1.0, -0.0, 0.0, 0.5)
 COMPARISONS = st.builds(
@@ -103,7 +109,7 @@ OF_EXPRESSIONS = st.recursive(
         st.lists(inner, min_size=1, max_size=3).map(lambda parts: All(*parts))
         | st.lists(inner, min_size=1, max_size=3).map(lambda parts: Any(*parts))
         | inner.map(Not)
-        | inner.map(lambda part: Phrase("said so", part))
+        | inner.map(lambda part: Phrase(f"said {_word(part)}", part))
     ),
     max_leaves=4,
 )

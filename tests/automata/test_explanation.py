@@ -64,7 +64,7 @@ def test_virtual_gravity_leaves_the_cycle_at_every_touchdown(walk, tmp_path, cap
     assert "97.4 % of the samples" in out
     assert "(starts in no phase: 1, leaves all phases: 13)" in out
     assert "t = 0.36 s: O4 → outside leaves all phases." in out
-    assert "O1: dtheta_2 fell short of its bound 0 by 0.314 rad/s." in out
+    assert "O1: swing leg swings forward (dtheta_2 fell short of its bound 0 by 0.314 rad/s)." in out
     assert "… and 12 more; --all shows them." in out
     code, out, _ = run(capsys, "compass-walking", path, "--all")
     assert out.count("leaves all phases.") == 13

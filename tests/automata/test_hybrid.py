@@ -50,9 +50,9 @@ def test_a_reset_without_an_event_is_refused():
     swap = (Assignment("theta_1", Variable("theta_2")),)
     edges = (*WALKING.edges[:3], dataclasses.replace(WALKING.edges[3], event=None, reset=swap))
     with pytest.raises(BehaviourError, match=r"O4 → O1: it resets theta_1, .* write O4 → O1 on touchdown"):
-        HybridAutomaton.of(dataclasses.replace(WALKING, edges=edges), WALKER)
+        HybridAutomaton.of(dataclasses.replace(WALKING, edges=edges, cycles=()), WALKER)
     edges = (*WALKING.edges[:3], dataclasses.replace(WALKING.edges[3], reset=swap))
-    automaton = HybridAutomaton.of(dataclasses.replace(WALKING, edges=edges), WALKER)
+    automaton = HybridAutomaton.of(dataclasses.replace(WALKING, edges=edges, cycles=()), WALKER)
     assert automaton.resets[edges[3]] == WALKER.impact
 
 

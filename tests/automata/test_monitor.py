@@ -141,14 +141,16 @@ def test_a_wrong_turn_is_told_with_amount_and_unit():
     states = np.array([O2, (-0.02, 0.1, -1.0, -0.07)]).T
     assert sentences(WALKING, [3.11, 3.12], **dict(zip(ORDER, states, strict=True))) == [
         "t = 3.12 s: O2 → O4 is not an edge. "
-        "O2: theta_1 fell short of its bound 0 by 0.02 rad, "
-        "dtheta_2 fell short of its bound 0 by 0.07 rad/s. "
-        "O3: dtheta_2 fell short of its bound 0 by 0.07 rad/s."
+        "O2: stance leg leans back (theta_1 fell short of its bound 0 by 0.02 rad), "
+        "swing leg swings forward (dtheta_2 fell short of its bound 0 by 0.07 rad/s). "
+        "O3: swing leg swings forward (dtheta_2 fell short of its bound 0 by 0.07 rad/s)."
     ]
     states = np.array([O2, (0.1, 0.1, 0.07, 1.0)]).T
     assert sentences(WALKING, [0.0, 0.01], **dict(zip(ORDER, states, strict=True))) == [
-        "t = 0.01 s: O2 → outside leaves all phases. O2: dtheta_1 exceeded its bound 0 by 0.07 rad/s. "
-        "O3: theta_1 exceeded its bound 0 by 0.1 rad, dtheta_1 exceeded its bound 0 by 0.07 rad/s."
+        "t = 0.01 s: O2 → outside leaves all phases. "
+        "O2: stance leg rolls forward (dtheta_1 exceeded its bound 0 by 0.07 rad/s). "
+        "O3: stance leg leans forward (not stance leg leans back (theta_1 exceeded its bound 0 by 0.1 rad)), "
+        "stance leg rolls forward (dtheta_1 exceeded its bound 0 by 0.07 rad/s)."
     ]
 
 

@@ -74,9 +74,10 @@ def follow(behaviour, xs):
 
 def _stays(phase, x):
     """Whether every comparison of a phase that has a deadband holds, or fails by no more than that."""
-    if math.isnan(x) or not any(part.deadband and part.deadband.value for part in phase.predicate.parts):
+    parts = phase.predicate.parts if isinstance(phase.predicate, All) else (phase.predicate,)
+    if math.isnan(x) or not any(part.deadband and part.deadband.value for part in parts):
         return False
-    for part in phase.predicate.parts:
+    for part in parts:
         wide = part.deadband.value if part.deadband else 0.0
         bound = part.right.value
         met = {

@@ -24,6 +24,7 @@ from coachable.studies.store import Run
 COMMAND_LINE_THAT_KILLS_ITSELF = """
 import os, signal, sys
 from coachable import cli
+from coachable.cli import studies
 from coachable.studies import group, survival
 
 name, times, seconds_between_checkpoints, *arguments = sys.argv[1:]
@@ -41,7 +42,7 @@ def replace(source, target):
     really_replace(source, target)
 
 os.replace = replace
-cli.table = lambda run: None
+studies.table = lambda run: None
 cli.main(arguments)
 """
 
