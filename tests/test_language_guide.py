@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from coachable.behaviours.document import formatted_file
-from coachable.behaviours.parser import parse
+from coachable.behaviours.text.document import formatted_file
+from coachable.behaviours.text.parser import parse
 from coachable.errors import BehaviourError
 
 ROOT = Path(__file__).parents[1]

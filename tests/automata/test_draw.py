@@ -32,8 +32,8 @@ from coachable.behaviours import (
 )
 from coachable.behaviours.expressions import Arithmetic, Call
 from coachable.behaviours.library import SHIPPED
-from coachable.behaviours.parser import parse
-from coachable.behaviours.printer import to_text
+from coachable.behaviours.text.parser import parse
+from coachable.behaviours.text.printer import to_text
 from tests.automata.pictures import BEHAVIOURS, HEIGHT, WALKING, elements, graph
 from tests.behaviours.random_behaviours import built, expressions, predicates, recipe
 

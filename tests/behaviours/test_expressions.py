@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from coachable.behaviours import Comparison, Constant, Number, Variable
 from coachable.behaviours.expressions import Arithmetic, Call, Negative, evaluate, rewritten, subexpressions
-from coachable.behaviours.parser import parse
+from coachable.behaviours.text.parser import parse
 from coachable.errors import BehaviourError
 from tests.behaviours.random_behaviours import built, expressions, recipe
 

@@ -3,10 +3,10 @@ import itertools
 import pytest
 
 from coachable.behaviours import load_behaviour
-from coachable.behaviours.document import formatted_file
 from coachable.behaviours.library import LIBRARY, SHIPPED
-from coachable.behaviours.parser import parse
-from coachable.behaviours.printer import to_text
+from coachable.behaviours.text.document import formatted_file
+from coachable.behaviours.text.parser import parse
+from coachable.behaviours.text.printer import to_text
 from coachable.errors import BehaviourError
 from coachable.rewards.reward_hash import reward_hash
 from coachable.rewards.setup import PAPER_SETUPS

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coachable.behaviours import load_behaviour
-from coachable.behaviours.printer import to_text
+from coachable.behaviours.text.printer import to_text
 from coachable.errors import BehaviourError, PlanError
 from coachable.learning.config import PPOConfig
 from coachable.plants.compass import CompassParameters

@@ -12,8 +12,8 @@ import time
 import pytest
 
 from coachable.behaviours import load_behaviour
-from coachable.behaviours.parser import parse
-from coachable.behaviours.printer import to_text
+from coachable.behaviours.text.parser import parse
+from coachable.behaviours.text.printer import to_text
 from coachable.errors import RunFolderError
 from coachable.studies.folder import RunFolder
 from coachable.studies.lock import locked

@@ -14,8 +14,9 @@ from coachable.automata.execution import execute
 from coachable.automata.hybrid import TOUCHDOWN, HybridAutomaton
 from coachable.automata.notation import pretty_name, pretty_predicate
 from coachable.behaviours.behaviour import Behaviour, Edge, Phase
-from coachable.behaviours.comparison import Answer, State
-from coachable.behaviours.encoding import State as Moment
+from coachable.behaviours.checking.comparison import Answer, State
+from coachable.behaviours.checking.encoding import State as Moment
+from coachable.behaviours.checking.smt import Question
 from coachable.behaviours.expressions import Arithmetic, Call, Number, Variable
 from coachable.behaviours.predicates import (
     OPERATORS,
@@ -27,7 +28,6 @@ from coachable.behaviours.predicates import (
     conjuncts,
     holds,
 )
-from coachable.behaviours.smt import Question
 from coachable.errors import BehaviourError
 from coachable.plants.compass import START, STATE_NAMES, CompassWalker
 from coachable.plants.controllers import VirtualGravity

@@ -64,6 +64,6 @@ def _shipped(name: str) -> Behaviour:
 
 def _read(path: Path) -> Behaviour:
     # Only who reads a text needs the parser, and loading it takes a moment.
-    from coachable.behaviours.document import read_document
+    from coachable.behaviours.text.document import read_document
 
     return read_document(path).behaviour

@@ -40,10 +40,10 @@ def check(
     """
     from rich.console import Console
 
-    from coachable.behaviours.check_report import print_report, to_json
-    from coachable.behaviours.checker import check as find
-    from coachable.behaviours.document import read_document
+    from coachable.behaviours.checking.check_report import print_report, to_json
+    from coachable.behaviours.checking.checker import check as find
     from coachable.behaviours.library import find_behaviour
+    from coachable.behaviours.text.document import read_document
 
     document = read_document(find_behaviour(file))
     report = find(document.behaviour)
@@ -80,7 +80,7 @@ def format(
         coachable format walk.behaviour
         coachable format --check *.behaviour
     """
-    from coachable.behaviours.document import formatted_file
+    from coachable.behaviours.text.document import formatted_file
     from coachable.studies.files import replace_text
 
     if not files:

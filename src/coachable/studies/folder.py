@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from coachable.automata.draw import automaton_svg
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.printer import to_text
+from coachable.behaviours.text.printer import to_text
 from coachable.errors import RunFolderError
 from coachable.rewards.reward_hash import reward_hash
 from coachable.studies.columns import FORMAT_VERSION, SCHEMAS

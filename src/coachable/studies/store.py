@@ -15,8 +15,8 @@ from safetensors import SafetensorError
 from safetensors.numpy import load
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.parser import parse
 from coachable.behaviours.suggestion import suggestion
+from coachable.behaviours.text.parser import parse
 from coachable.errors import BehaviourError, PlanError, RunFolderError
 from coachable.studies.columns import FORMAT_VERSION, SCHEMAS
 from coachable.studies.files import read_bytes, table_from

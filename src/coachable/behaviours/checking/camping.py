@@ -1,0 +1,72 @@
+"""Camping: what a robot earns that enters a phase, stops, and waits.
+
+Staying in a phase pays +1 a control step, and a step beyond its longest dwell time −1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from coachable.behaviours.behaviour import Behaviour, Phase
+from coachable.behaviours.checking import smt
+from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
+from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, holds, widened
+
+
+def camping(behaviour: Behaviour) -> Iterator[Result]:
+    """Phases in which a standing robot is paid: all declared derivatives are zero, and it stays."""
+    speeds = [signal.name for signal in behaviour.signals if signal.derivative_of is not None]
+    if not speeds:
+        yield Unknown(
+            "whether a standing robot is paid: no signal is declared as the derivative of another, such as "
+            "`dtheta = d/dt theta`"
+        )
+        return
+    standing = All(*(Comparison(name, relation, 0) for name in speeds for relation in ("<=", ">=")))
+    nowhere = True
+    for index, phase in enumerate(behaviour.phases):
+        # Once in a phase, its deadbands keep the robot there; without them, an earlier phase would count.
+        earlier: Predicate = Any(*(other.predicate for other in behaviour.phases[:index]))
+        stays = widened(phase.predicate)
+        inside = All(phase.predicate, Not(earlier))
+        match smt.witness(behaviour.signal_names, standing, inside):
+            case False if stays != inside.parts[0]:
+                found = smt.witness(behaviour.signal_names, standing, stays)
+            case first:
+                found = first
+        match found:
+            case False:
+                continue
+            case None:
+                yield Unknown(f"whether a standing robot can stay in {phase.name}")
+            case state:
+                yield _camp(phase, speeds, state)
+        nowhere = False
+    if nowhere:
+        yield Proven("nowhere to camp")
+
+
+def _camp(phase: Phase, speeds: list[str], state: smt.Witness) -> Finding:
+    by_deadband = "" if holds(phase.predicate, state) else ", kept there by its deadband"
+    who = f"A robot that stands still can stay in {phase.name}{by_deadband}"
+    limit = math.inf if phase.dwell is None else phase.dwell.at_most
+    subjects = (Subject("phase", phase.name),)
+    if math.isfinite(limit):
+        return Finding(
+            "bounded-camping",
+            "note",
+            subjects,
+            f"{who}. Its dwell time bounds what that pays: +1 every step for at most {limit:g} s, then −1.",
+            f"Nothing, if {limit:g} s is not much longer than {phase.name} takes in a good movement.",
+            state,
+        )
+    return Finding(
+        "camping",
+        "warning",
+        subjects,
+        f"{who} and is paid for it: +1 every step, for as long as the episode lasts. No movement earns more.",
+        f"Say how long {phase.name} may last, as in `for at most 0.5 s`; or ask in it for a speed that a "
+        f"standing robot does not have: {' or '.join(speeds)}.",
+        state,
+    )

@@ -1,0 +1,89 @@
+"""Is every word of the description used, and is every phase part of the order?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject
+from coachable.behaviours.expressions import Constant, Expression, Variable, subexpressions
+from coachable.behaviours.predicates import Phrase, expressions_of, subpredicates
+
+
+def unused(behaviour: Behaviour) -> Iterator[Result]:
+    """Phrases, constants and signals that no phase and no reset needs."""
+    parts = [part for phase in behaviour.phases for part in subpredicates(phase.predicate)]
+    said = {part.words for part in parts if isinstance(part, Phrase)}
+    expressions: list[Expression] = [
+        expression for phase in behaviour.phases for expression in expressions_of(phase.predicate)
+    ]
+    expressions += [jump.expression for edge in behaviour.edges for jump in edge.reset]
+    nodes = [node for expression in expressions for node in subexpressions(expression)]
+    constants = {node.name for node in nodes if isinstance(node, Constant)}
+    signals = {node.signal for node in nodes if isinstance(node, Variable)}
+    for phrase in behaviour.vocabulary:
+        if phrase.words not in said:
+            yield Finding(
+                "unused-phrase",
+                "note",
+                (Subject("phrase", phrase.words),),
+                f'No phase says "{phrase.words}".',
+                "Use it or take it out.",
+            )
+    for constant in behaviour.constants:
+        if constant.name not in constants:
+            yield Finding(
+                "unused-constant",
+                "note",
+                (Subject("constant", constant.name),),
+                f"No phase depends on the constant {constant.name}.",
+                "Use it or take it out.",
+            )
+    for signal in behaviour.signals:
+        if signal.name not in signals:
+            yield Finding(
+                "unused-signal",
+                "note",
+                (Subject("signal", signal.name),),
+                f"No phase depends on the signal {signal.name}, but whoever uses the behaviour must give it.",
+                "Use it or take it out.",
+            )
+
+
+def unconnected(behaviour: Behaviour) -> Iterator[Result]:
+    """Phases that no edge enters, that none leaves, or that have neither."""
+    entered = {edge.target for edge in behaviour.edges if edge.source != edge.target}
+    left = {edge.source for edge in behaviour.edges if edge.source != edge.target}
+    alone = len(behaviour.phases) == 1
+    for phase in behaviour.phases if not alone else ():
+        name, subjects = phase.name, (Subject("phase", phase.name),)
+        if name not in entered | left:
+            yield Finding(
+                "unconnected-phase",
+                "warning",
+                subjects,
+                f"No edge enters {name} and none leaves it, so it is no part of the order.",
+                f"Put {name} into the cycle, or give it an edge.",
+            )
+        elif name not in entered:
+            yield Finding(
+                "unentered-phase",
+                "note",
+                subjects,
+                f"No edge enters {name}: one can only begin in it.",
+                f"Nothing, if the movement begins with {name}; else add an edge to it.",
+            )
+        elif name not in left:
+            yield Finding(
+                "dead-end-phase",
+                "note",
+                subjects,
+                f"No edge leaves {name}: whoever is in it must stay.",
+                f"Nothing, if the movement ends with {name}; else add an edge from it.",
+            )
+
+
+def size(behaviour: Behaviour) -> Proven:
+    """How many phases there are."""
+    number = len(behaviour.phases)
+    return Proven(f"{number} phase" + ("s" if number != 1 else ""))

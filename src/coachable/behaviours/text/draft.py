@@ -1,0 +1,101 @@
+"""What a text declares so far, and what its mirror adds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from coachable.behaviours.behaviour import Edge, Phase
+from coachable.behaviours.expressions import Constant
+from coachable.behaviours.predicates import Phrase, Signal, normal_form
+from coachable.behaviours.text.meaning import Meaning
+from coachable.behaviours.text.mirror import Mirror
+from coachable.behaviours.text.mistakes import Mistakes
+from coachable.behaviours.text.syntax import Statement
+
+Chain = tuple[Edge, ...]
+"""The edges along a line of `cycle`, which may end elsewhere than they begin."""
+
+
+@dataclass
+class Draft:
+    """What a text declares, each thing with the statement that says so; an image has that of its original."""
+
+    signals: dict[str, tuple[Signal, Statement]] = field(default_factory=dict)
+    constants: dict[str, tuple[Constant, Statement]] = field(default_factory=dict)
+    phrases: dict[str, tuple[Phrase, Statement]] = field(default_factory=dict)
+    phases: dict[str, tuple[Phase, Statement]] = field(default_factory=dict)
+    edges: dict[Edge, Statement] = field(default_factory=dict)
+    chains: list[tuple[Chain, Statement]] = field(default_factory=list)
+    """The lines of `cycle` and `edges`, before edges and cycles are made of them."""
+    cycles: list[tuple[Chain, Statement]] = field(default_factory=list)
+
+    @property
+    def constant_of(self) -> dict[str, Constant]:
+        """The constants by name."""
+        return {name: constant for name, (constant, _) in self.constants.items()}
+
+
+def add_images(draft: Draft, mirror: Mirror, meaning: Meaning, mistakes: Mistakes) -> None:
+    """Add the mirror images of constants, phrases and phases, except where the text has its own.
+
+    What keeps its name in the mirror must be its own image.
+    """
+    for name, (constant, statement) in list(draft.constants.items()):
+        draft.constants.setdefault(mirror.text(name), (mirror.constant(constant), statement))
+    for words, (phrase, statement) in list(draft.phrases.items()):
+        image = mirror.text(words)
+        if image != words:
+            if (mirrored := meaning.phrase(image)) is not None:
+                draft.phrases.setdefault(image, (mirrored, statement))
+        elif normal_form(meaning.mirrored(phrase.predicate)) != normal_form(phrase.predicate):
+            _refuse_lopsided(f"phrase {words!r}", mirror, statement, mistakes)
+    for name, (phase, statement) in list(draft.phases.items()):
+        image, predicate = mirror.text(name), meaning.mirrored(phase.predicate)
+        if image != name:
+            mirrored = Phase(image, mirror.text(phase.title), predicate, phase.dwell)
+            draft.phases.setdefault(image, (mirrored, statement))
+        elif normal_form(predicate) != normal_form(phase.predicate):
+            _refuse_lopsided(f"phase {name}", mirror, statement, mistakes)
+
+
+def close_chains(draft: Draft, mirror: Mirror | None, mistakes: Mistakes) -> None:
+    """Make edges and cycles of the chains; a cycle that ends in its mirrored beginning goes on mirrored."""
+    images: list[tuple[Chain, Statement]] = []
+    for chain, statement in draft.chains:
+        image = tuple(mirror.edge(edge, draft.constant_of) for edge in chain) if mirror else ()
+        if statement.section == "cycle":
+            first, last = chain[0].source, chain[-1].target
+            if mirror is not None and last != first and last == mirror.text(first):
+                chain, image = (*chain, *image), ()
+            elif last != first:
+                ends = (
+                    first
+                    if mirror is None or mirror.text(first) == first
+                    else f"{first} or {mirror.text(first)}"
+                )
+                message = f"the cycle begins in {first} and ends in {last}"
+                mistakes.add(statement.place(), message, f"it must end in {ends}")
+                continue
+            draft.cycles.append((chain, statement))
+        if image:
+            images.append((image, statement))
+        for edge in chain:
+            draft.edges.setdefault(edge, statement)
+    for image, statement in images:
+        for edge in image:
+            draft.edges.setdefault(edge, statement)
+        if statement.section == "cycle" and not any(_same_walk(image, cycle) for cycle, _ in draft.cycles):
+            draft.cycles.append((image, statement))
+
+
+def _same_walk(one: Chain, other: Chain) -> bool:
+    return len(one) == len(other) and any(one == (*other[i:], *other[:i]) for i in range(len(other)))
+
+
+def _refuse_lopsided(what: str, mirror: Mirror, statement: Statement, mistakes: Mistakes) -> None:
+    words = " nor ".join(list(mirror.words)[:2])
+    mistakes.add(
+        statement.place(),
+        f"{what} is another one in the mirror, but its name has neither {words} in it",
+        f"name it by its side, as in {next(iter(mirror.words))}",
+    )
