@@ -20,7 +20,7 @@ MODULES = {
 FLOORS = [
     {"errors", "style"},
     {"behaviours", "plants"},
-    {"automata"},
+    {"automata", "drawing"},
     {"rewards"},
     {"envs"},
     {"learning"},
@@ -34,6 +34,7 @@ READERS_MAY_USE = (
     "coachable.errors",
     "coachable.style",
     "coachable.plants",
+    "coachable.drawing",
     "coachable.automata.draw",
     "coachable.studies.store",
 )
