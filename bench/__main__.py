@@ -18,6 +18,7 @@ from bench.report import report
 from bench.table import markdown
 
 LANES = (1, 4, 15, 60, 240)
+VECTORS = (1, 256)
 
 ONE_BLAS_THREAD = {
     "OPENBLAS_NUM_THREADS": "1",
@@ -47,6 +48,7 @@ def programs(cache: str, quick: bool) -> dict[str, Program]:
         "steps": program("coachable_steps", 3, num_lanes=8, num_steps=50_000 // shrink),
         "SciPy, matrices": program("scipy_steps", 3, flow="matrix", num_steps=5000 // shrink),
         "SciPy, floats": program("scipy_steps", 3, flow="scalar", num_steps=5000 // shrink),
+        **{f"vector {n}": program("vector_steps", 3, num_envs=n, num_steps=2000 // shrink) for n in VECTORS},
         "update": program("coachable_update", 5, num_lanes=8),
         "sgemm 1024": program("sgemm", 5, ONE_BLAS_THREAD, size=1024, products=40 // shrink),
         "sgemm 64": program("sgemm", 5, ONE_BLAS_THREAD, size=64, products=50_000 // shrink),
