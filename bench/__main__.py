@@ -19,6 +19,7 @@ from bench.table import markdown
 from coachable.studies.layout import WIDEST_GROUP
 
 LANES = (1, 4, 15, 60, 240)
+VECTORS = (1, 256)
 
 ONE_BLAS_THREAD = {
     "OPENBLAS_NUM_THREADS": "1",
@@ -69,6 +70,7 @@ def programs(cache: str, quick: bool) -> dict[str, Program]:
         "classifier, NumPy": classifier("numpy", 100 // shrink),
         "classifier, JAX": classifier("jax", 1000 // shrink),
         "update": program("coachable_update", 5, ONE_XLA_THREAD, num_lanes=8),
+        **{f"vector {n}": program("vector_steps", 3, num_envs=n, num_steps=2000 // shrink) for n in VECTORS},
         "sgemm 1024": program("sgemm", 5, ONE_BLAS_THREAD, size=1024, products=40 // shrink),
         "sgemm 64": program("sgemm", 5, ONE_BLAS_THREAD, size=64, products=50_000 // shrink),
         **{f"lanes {n}": program("coachable_training", 2, num_lanes=n, num_updates=updates) for n in lanes},

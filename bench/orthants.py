@@ -87,8 +87,8 @@ class Place(Enum):
 
 def reward_machine():
     """The behaviour as a reward machine of pycrm, with its labelling function."""
-    from pycrm.automaton import RewardMachine, RmToCrmAdapter
-    from pycrm.label import LabellingFunction
+    from pycrm.automaton import RewardMachine, RmToCrmAdapter  # pyright: ignore[reportMissingImports]
+    from pycrm.label import LabellingFunction  # pyright: ignore[reportMissingImports]
 
     places = list(Place)
     table = reward_table(BEHAVIOUR, "stay")

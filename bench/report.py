@@ -56,6 +56,7 @@ def report(measured: Mapping[str, Sequence[Measurement]]) -> list[Row]:
     return [
         *_steps(results),
         *_monitor(results),
+        *_vectors(results),
         *_training(results),
         *_sbx(results),
         *_update(results),
@@ -92,6 +93,17 @@ def _monitor(results: Results) -> list[Row]:
             for name in _named(results, "classifier")
         ),
     ]
+
+
+def _vectors(results: Results) -> list[Row]:
+    one, *more = _named(results, "vector")
+
+    def row(name: str, comparison: str = "", asked_for: str = "") -> Row:
+        figure = f"{1e6 / results.rate(name):.0f} CPU-µs a step"
+        return Row(f"Gymnasium: {name}", figure, *results.cost(name), comparison, asked_for)
+
+    times = [f"{significant(results.wall_ratio(one, name))} × one on the wall" for name in more]
+    return [row(one), *(row(name, text, "≤ 5 ×") for name, text in zip(more, times, strict=True))]
 
 
 def _training(results: Results) -> list[Row]:

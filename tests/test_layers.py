@@ -20,7 +20,7 @@ MODULES = {
 FLOORS = [
     {"errors", "style"},
     {"behaviours", "plants"},
-    {"automata"},
+    {"automata", "drawing"},
     {"rewards"},
     {"envs"},
     {"learning"},
@@ -35,6 +35,7 @@ READERS_MAY_USE = (
     "coachable.style",
     "coachable.plants",
     "coachable.behaviours",
+    "coachable.drawing",
     "coachable.automata.draw",
     "coachable.studies.store",
 )

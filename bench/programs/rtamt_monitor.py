@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import rtamt
+import rtamt  # pyright: ignore[reportMissingImports]
 
 from bench.orthants import our_verdicts, rtamt_specification, trace
 

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
+from coachable.drawing.stage import SIZE
 from coachable.errors import CoachableError, MissingExtraError
 from coachable.plants.compass import CompassParameters
 from coachable.style import STANCE, SWING, phase_colours
 from coachable.viewing.animation import animate, animate_together
-from coachable.viewing.scene import SIZE, Scene, SideBySide
+from coachable.viewing.scene import Scene, SideBySide
 from coachable.viewing.walk import Walk
 
 
@@ -69,7 +70,7 @@ def test_legs_are_where_the_walk_has_them_and_hidden_below_the_ground(columns, p
             (walk.swing_foot, walk.swing_mass, SWING),
         ):
             middle = 0.75 * walk.hip[sample] + 0.25 * foot[sample]
-            x, y = scene._place(middle, sample)
+            x, y = scene.stage(sample).place(middle)
             assert tuple(pixels[round(y), round(x)]) == rgb(colour)
             assert np.allclose(mass[sample], 0.5 * walk.hip[sample] + 0.5 * foot[sample])
         below = np.array(scene.frame(time))[300:320].reshape(-1, 3)
@@ -79,7 +80,7 @@ def test_legs_are_where_the_walk_has_them_and_hidden_below_the_ground(columns, p
 def test_the_camera_keeps_the_walker_in_the_picture(columns, phases):
     walk = Walk.of(columns)
     scene = Scene.of(walk, phases)
-    x = np.array([scene._place(walk.hip[sample], sample)[0] for sample in range(len(walk.time))])
+    x = np.array([scene.stage(sample).place(walk.hip[sample])[0] for sample in range(len(walk.time))])
     assert np.all(np.abs(x - SIZE[0] / 2) < 50)
     assert np.all(np.diff(scene.camera) > 0)
 

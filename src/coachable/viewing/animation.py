@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from coachable.drawing.stage import NamedPhase
 from coachable.errors import CoachableError, MissingExtraError
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
 from coachable.viewing.scene import Scene, SideBySide
-from coachable.viewing.walk import NamedPhase, Walk
+from coachable.viewing.walk import Walk
 
 GIF_FPS = 25
 """Gifs count time in hundredths of a second: 25 frames a second are exact, and show every fourth sample."""

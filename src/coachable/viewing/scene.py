@@ -11,17 +11,11 @@ from jaxtyping import Float
 from PIL import Image
 from scipy.ndimage import gaussian_filter1d
 
-from coachable.style import FAINT, HAIRLINE, INK, PAGE, STANCE, SWING, phase_colours
-from coachable.viewing.pen import FINER, Pen, Point
-from coachable.viewing.walk import NamedPhase, Walk, runs_of
+from coachable.drawing.pen import FINER, Pen
+from coachable.drawing.stage import HEIGHT, WIDTH, NamedPhase, Stage, blank_page, draw_words
+from coachable.style import FAINT, HAIRLINE, INK, PAGE, phase_colours
+from coachable.viewing.walk import Walk, runs_of
 
-SIZE = WIDTH, HEIGHT = 640, 360
-"""Of a frame [pixels]."""
-
-_LEG = 196
-"""Length of a leg [pixels]."""
-_GROUND = 284
-"""Of the ground line, from the top [pixels]."""
 _STRIP_LEFT, _STRIP_TOP, _STRIP_RIGHT, _STRIP_BOTTOM = 24.0, 326.0, 616.0, 338.0
 """The phases over time."""
 _CAMERA_SECONDS = 0.35
@@ -48,66 +42,32 @@ class Scene:
         camera = gaussian_filter1d(walk.hip[:, 0], _CAMERA_SECONDS / spacing, mode="nearest")
         return Scene(walk, tuple(phases), camera, _backdrop(walk, phases, title))
 
+    def stage(self, sample: int) -> Stage:
+        """Where the camera looks at a sample."""
+        return Stage(self.walk.parameters, float(self.camera[sample]))
+
     def frame(self, time: float) -> Image.Image:
         """The picture at a time [s] of the walk."""
         sample = self.walk.at(time)
-        image = self.backdrop.copy()
+        stage, image = self.stage(sample), self.backdrop.copy()
         pen = Pen(image)
-        self._draw_walker(pen, sample)
-        # The model has no knees, its swing leg scuffs through the ground: what is below is covered.
-        below = FINER * _GROUND
-        image.paste(self.backdrop.crop((0, below, *self.backdrop.size)), (0, below))
-        self._draw_ground(pen, sample)
-        self._draw_words(pen, sample)
-        return image.reduce(FINER)
-
-    def _place(self, point: Float[np.ndarray, "2"], sample: int) -> Point:
-        """Where a point of the walk is in the picture."""
-        scale = _LEG / self.walk.parameters.leg_length
-        x, y = point
-        return WIDTH / 2 + scale * (float(x) - self.camera[sample]), _GROUND - scale * float(y)
-
-    def _draw_walker(self, pen: Pen, sample: int) -> None:
-        walk, p = self.walk, self.walk.parameters
-        start = walk.at(walk.time[sample] - _TRACE_SECONDS)
-        pen.line([self._place(point, sample) for point in walk.hip[start : sample + 1]], 2, HAIRLINE)
-        hip = self._place(walk.hip[sample], sample)
-        for earlier in np.unique(walk.stance_foot[: sample + 1, 0]):
-            pen.disc(self._place(np.array([earlier, 0.0]), sample), 5, HAIRLINE)
-        first_stands = bool(walk.first_leg_stands[sample])
-        for foot, mass, colour, is_first in (
-            (walk.swing_foot, walk.swing_mass, SWING, not first_stands),
-            (walk.stance_foot, walk.stance_mass, STANCE, first_stands),
-        ):
-            pen.line([self._place(foot[sample], sample), hip], 6, colour)
-            pen.disc(self._place(mass[sample], sample), _radius(p.leg_mass, walk), colour)
-            if not is_first:
-                pen.disc(self._place(mass[sample], sample), _radius(p.leg_mass, walk) - 3, PAGE)
-        pen.disc(hip, _radius(p.hip_mass, walk), INK)
-
-    def _draw_ground(self, pen: Pen, sample: int) -> None:
-        pen.box(0, _GROUND, WIDTH, _GROUND + 1.67, INK)
-        half = WIDTH / 2 / _LEG * self.walk.parameters.leg_length
-        left, right = self.camera[sample] - half, self.camera[sample] + half
-        for x in np.arange(np.floor(2 * left) / 2, right + 0.5, 0.5):
-            at, _ = self._place(np.array([x, 0.0]), sample)
-            whole = x == round(x)
-            pen.box(at - 0.67, _GROUND, at + 0.67, _GROUND + (8 if whole else 5), INK)
-            if whole:
-                pen.text((at, _GROUND + 12), f"{x:.0f} m".replace("-", "−"), 11, FAINT, "ma")
-
-    def _draw_words(self, pen: Pen, sample: int) -> None:
-        walk, index = self.walk, int(self.walk.phase[sample])
-        colour = phase_colours(len(self.phases))[index]
-        inside = index < len(self.phases)
-        name, title = (self.phases[index].name, self.phases[index].title) if inside else ("–", "in no phase")
-        pen.box(24, 20, 68, 46, colour, corner=6)
-        pen.text((46, 33), name, 14, INK, "mm", bold=True)
-        pen.text((78, 33), title, 13, INK, "lm")
-        pen.text((616, 33), f"{walk.hip[sample, 0]:.2f} m".replace("-", "−"), 14, INK, "rm")
-        pen.text((536, 33), f"{walk.time[sample]:.2f} s", 14, INK, "rm")
+        self._draw_where_it_was(pen, stage, sample)
+        stage.draw_walker(pen, self.walk.pose(sample), bool(self.walk.first_leg_stands[sample]))
+        stage.draw_ground(image, self.backdrop)
+        walk = self.walk
+        phase, time, hip_x = walk.phase[sample], walk.time[sample], walk.hip[sample, 0]
+        draw_words(pen, self.phases, int(phase), float(time), float(hip_x))
         now = _along_strip(walk, sample)
         pen.box(now - 1, _STRIP_TOP - 4, now + 1, _STRIP_BOTTOM + 4, INK)
+        return image.reduce(FINER)
+
+    def _draw_where_it_was(self, pen: Pen, stage: Stage, sample: int) -> None:
+        """The hip's path, and the places where feet stood."""
+        walk = self.walk
+        start = walk.at(walk.time[sample] - _TRACE_SECONDS)
+        pen.line([stage.place(point) for point in walk.hip[start : sample + 1]], 2, HAIRLINE)
+        for earlier in np.unique(walk.stance_foot[: sample + 1, 0]):
+            pen.disc(stage.place(np.array([earlier, 0.0])), 5, HAIRLINE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +96,7 @@ class SideBySide:
 
 
 def _backdrop(walk: Walk, phases: Sequence[NamedPhase], title: str) -> Image.Image:
-    image = Image.new("RGB", (FINER * WIDTH, FINER * HEIGHT), PAGE)
+    image = blank_page()
     pen, colours = Pen(image), phase_colours(len(phases))
     pen.text((24, 62), title, 13, FAINT, "lm", bold=True)
     for phase, start, stop in runs_of(walk.phase):
@@ -149,8 +109,3 @@ def _backdrop(walk: Walk, phases: Sequence[NamedPhase], title: str) -> Image.Ima
 def _along_strip(walk: Walk, sample: int) -> float:
     """Where a sample is on the strip of phases over time."""
     return _STRIP_LEFT + (_STRIP_RIGHT - _STRIP_LEFT) * walk.progress(sample)
-
-
-def _radius(mass: float, walk: Walk) -> float:
-    """Of a point mass in the picture [pixels]: areas are as the masses."""
-    return 12 * (mass / max(walk.parameters.hip_mass, walk.parameters.leg_mass)) ** 0.5

@@ -12,9 +12,10 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from coachable.drawing.stage import NamedPhase
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
 from coachable.style import FAINT, INK, PAGE, STANCE, SWING, drawing, phase_colours, save
-from coachable.viewing.walk import NamedPhase, Walk, runs_of
+from coachable.viewing.walk import Walk, runs_of
 
 WIDTH = 7.16
 """Both columns of a two-column page [in]."""

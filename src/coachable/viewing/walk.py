@@ -5,27 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from coachable.drawing.pose import Pose
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
-
-
-@runtime_checkable
-class NamedPhase(Protocol):
-    """A phase of a behaviour, as far as pictures are concerned."""
-
-    @property
-    def name(self) -> str:
-        """Short, such as `O1`."""
-        ...
-
-    @property
-    def title(self) -> str:
-        """For people."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +35,6 @@ class Walk:
     def of(trajectory: object, parameters: CompassParameters = PAPER_PARAMETERS) -> Walk:
         """The walk along a trajectory.
 
-        Hip = stance foot + l (−sin θ₁, cos θ₁), swing foot = hip + l (sin θ₂, −cos θ₂); each leg's mass is on
-        its leg, a above the foot.
-
         **Arguments:** `trajectory`, an object whose attributes are arrays by name, or a mapping of them:
         `time` (or `t`) [s], `theta_1`, `theta_2` [rad], `foot_x` [m] and `phase`, as a rollout gives and a
         run folder stores them. Samples that are not finite are left out.
@@ -61,21 +44,22 @@ class Walk:
         samples = np.stack([np.asarray(columns[name], float) for name in names])
         finite = np.isfinite(samples).all(axis=0)
         time, theta_1, theta_2, foot_x = samples[:, finite]
-        l, a = parameters.leg_length, parameters.a  # noqa: E741
-        stance_foot = np.stack([foot_x, np.zeros_like(foot_x)], axis=-1)
-        up_the_stance_leg = np.stack([-np.sin(theta_1), np.cos(theta_1)], axis=-1)
-        down_the_swing_leg = np.stack([np.sin(theta_2), -np.cos(theta_2)], axis=-1)
-        hip = stance_foot + l * up_the_stance_leg
         return Walk(
             time=time,
             phase=np.asarray(columns["phase"], int)[finite],
-            hip=hip,
-            stance_foot=stance_foot,
-            swing_foot=hip + l * down_the_swing_leg,
-            stance_mass=stance_foot + a * up_the_stance_leg,
-            swing_mass=hip + parameters.b * down_the_swing_leg,
+            **vars(Pose.of(theta_1, theta_2, foot_x, parameters)),
             touched_down=np.diff(foot_x, prepend=foot_x[:1]) != 0,
             parameters=parameters,
+        )
+
+    def pose(self, sample: int) -> Pose:
+        """Where every part is at a sample."""
+        return Pose(
+            self.hip[sample],
+            self.stance_foot[sample],
+            self.swing_foot[sample],
+            self.stance_mass[sample],
+            self.swing_mass[sample],
         )
 
     @property

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from coachable.drawing.stage import NamedPhase
 from coachable.errors import CoachableError
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
-from coachable.viewing.walk import NamedPhase
 
 FILMS, PICTURES = (".gif", ".mp4"), (".png", ".svg", ".pdf")
 

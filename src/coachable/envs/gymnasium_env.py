@@ -1,0 +1,198 @@
+"""The walking task as a Gymnasium environment, `coachable/CompassWalker-v0`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import jax
+import numpy as np
+from gymnasium.error import InvalidAction, ResetNeeded
+from jaxtyping import Float
+
+from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.library import load_behaviour
+from coachable.behaviours.suggestion import suggestion
+from coachable.envs.compiled_walk import (
+    Facts,
+    begin_episode,
+    begin_run,
+    facts_of_start,
+    facts_of_step,
+    info_of,
+    step,
+)
+from coachable.envs.observation_bounds import observation_bounds
+from coachable.envs.start import Distribution, Start
+from coachable.envs.walking_task import ACTION_BOX, Clock, Timestep, WalkingState, make_task
+from coachable.errors import ParameterError
+from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
+from coachable.rewards.phase_reward import Variant
+from coachable.rewards.setup import RewardSetup, Semantics, paper_setup
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+    from coachable.drawing.window import Window
+
+PICTURES_A_SECOND = 100
+"""One a control step."""
+
+
+class CompassWalkerEnv(gymnasium.Env[np.ndarray, np.ndarray]):
+    """Ten seconds of compass walking, in float32: `WalkingTask`, one compiled step a call.
+
+    **Observation:** (θ1, θ2, θ̇1, θ̇2), angles of the stance and the swing leg from upright [rad] and their
+    velocities [rad/s]. Its bounds are those of `observation_bounds`, which no policy can leave.
+
+    **Action:** the torques (ankle, hip) [N m], between −2 and 0 as in the code released with the paper; what
+    is outside is clipped to that. They are held for 0.01 s, or until a touchdown if `clock="touchdown"`.
+
+    **End:** a fall terminates the episode. So does the time T, at which the paper's return ends; with
+    `truncate=True` the time truncates it instead, and a trainer goes on with its value estimate.
+
+    **Info**, after a step and after a reset:
+
+    | key | meaning |
+    |---|---|
+    | `phase` | location in the behaviour: 0 … K−1, or K outside all K phases |
+    | `hip_x`, `foot_x` | where the hip and the stance foot are [m] |
+    | `time` | since the start of the episode [s] |
+    | `fell` | whether the walker fell, its feet chattered, or its state left the finite numbers |
+    | `terms` | the reward's terms by name (`TERM_NAMES`), without their weights; zeros after a reset |
+    | `rewards` | the same times their weights: they add up to the reward |
+
+    **Arguments:**
+        setup: a `RewardSetup`, or one of the paper's by name. semantics, reward_variant, clock, parameters,
+            seconds: as in `make_task`.
+        behaviour: a `Behaviour`, or what `load_behaviour` takes; by default the semantics' compass walking.
+        start_noise, start_distribution: how far from x₀ episodes start; see `Start`.
+        truncate: whether the time truncates the episode rather than terminates it.
+        render_mode: `"rgb_array"`, or `"human"` for a window, which needs the [window] extra.
+
+    `reset(seed=…)` begins a new run. `reset()` begins the next episode of the run, and in `released-code`
+    semantics the reward remembers the last one's end, as in that code.
+
+    **Raises:** what `make_task`, `load_behaviour`, `Start` and `Window` raise. `step` raises `ResetNeeded`
+    outside of an episode and `InvalidAction` for an action that is not two numbers.
+    """
+
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": PICTURES_A_SECOND}  # noqa: RUF012
+
+    def __init__(
+        self,
+        setup: str | RewardSetup = "orthant",
+        semantics: Semantics = "paper",
+        reward_variant: Variant | None = None,
+        clock: Clock = "free",
+        parameters: CompassParameters = PAPER_PARAMETERS,
+        behaviour: Behaviour | str | Path | None = None,
+        seconds: int | float = 10.0,
+        *,
+        start_noise: int | float | tuple[int | float, ...] | list[int | float] = 0.0,
+        start_distribution: Distribution = "normal",
+        truncate: bool = False,
+        render_mode: str | None = None,
+    ):
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            hint = suggestion(str(render_mode), self.metadata["render_modes"])
+            raise ParameterError(f"unknown render_mode {render_mode!r}; {hint}")
+        if behaviour is None:
+            behaviour = "compass-walking" if semantics == "paper" else "compass-walking-released"
+        self.behaviour = behaviour if isinstance(behaviour, Behaviour) else load_behaviour(behaviour)
+        setup = setup if isinstance(setup, RewardSetup) else paper_setup(setup)
+        with jax.enable_x64(False):
+            self.task = make_task(
+                setup, semantics, reward_variant, clock, parameters, self.behaviour, float(seconds)
+            )
+        self.start = Start(start_noise, start_distribution)
+        self.truncate = truncate
+        self.render_mode = render_mode
+        longest = self.task.seconds + self.task.control_dt  # a touchdown's clock may overshoot by a step
+        bounds = observation_bounds(parameters, ACTION_BOX, self.start.largest, longest)
+        self.observation_space = gymnasium.spaces.Box(-bounds, bounds, dtype=np.float32)
+        low, high = (np.array(torques, np.float32) for torques in ACTION_BOX)
+        self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float32)
+        self._weights = np.array(self.task.weights)
+        self._state: WalkingState | None = None
+        self._ended = True
+        self._first_leg_stands = True
+        self._window: Window | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode; with a seed, a run whose starts repeat. There are no options."""
+        super().reset(seed=seed)
+        x0 = self.start.draw(self.np_random)
+        if self._state is None or seed is not None:
+            state, phase = begin_run(self.task, x0)
+        else:
+            state, phase = begin_episode(self.task, x0, self._state)
+        self._state, self._ended, self._first_leg_stands = state, False, True
+        return self._tell(facts_of_start(state, phase))
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Hold the clipped torques for one control step."""
+        torques = np.asarray(action, np.float32)
+        if torques.shape != (2,):
+            raise InvalidAction(f"an action is two torques (ankle, hip), but its shape is {torques.shape}")
+        if self._ended or self._state is None:
+            raise ResetNeeded("the episode is over, or none has begun; call reset()")
+        state, timestep = step(self.task, self._state, torques)
+        timestep = jax.device_get(timestep)
+        if timestep.foot_x != self._facts["foot_x"]:
+            self._first_leg_stands = not self._first_leg_stands
+        self._state, self._ended = state, bool(timestep.terminated)
+        terminated, truncated = ended(timestep, self.truncate)
+        observation, info = self._tell(facts_of_step(timestep))
+        return observation, float(timestep.reward), bool(terminated), bool(truncated), info
+
+    def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """The picture of now, 640 × 360, if the render mode is `rgb_array`; a window needs no asking."""
+        if self.render_mode is None:
+            gymnasium.logger.warn('nothing is rendered; make the environment with render_mode="rgb_array"')
+        if self.render_mode != "rgb_array":
+            return None
+        return np.asarray(self._picture())
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+    def _tell(self, facts: Facts) -> tuple[np.ndarray, dict[str, Any]]:
+        """The observation and the info, each in memory of its own; in human mode also the picture."""
+        assert self._state is not None
+        self._facts = facts
+        if self.render_mode == "human":
+            from coachable.drawing.window import Window
+
+            self._window = self._window or Window("coachable: the compass walker")
+            self._window.show(self._picture(), PICTURES_A_SECOND)
+        return np.array(self._state.observation), info_of(facts, self._weights)
+
+    def _picture(self) -> Image:
+        if self._state is None:
+            raise ResetNeeded("there is nothing to see before reset()")
+        return picture(self, np.asarray(self._state.observation), self._facts, self._first_leg_stands)
+
+
+def ended(timestep: Timestep, truncate: bool) -> tuple[np.ndarray | np.bool_, np.ndarray | np.bool_]:
+    """Whether episodes terminated and whether they were truncated, in that order."""
+    over, fell = np.array(timestep.terminated), np.array(timestep.fell)
+    return (fell, over & ~fell) if truncate else (over, np.zeros_like(over))
+
+
+def picture(env: CompassWalkerEnv, x: Float[np.ndarray, "4"], facts: Facts, first_leg_stands: bool) -> Image:
+    """A walker of this environment at state x."""
+    from coachable.drawing.pose import Pose
+    from coachable.drawing.stage import draw_instant
+
+    parameters = env.task.plant.parameters
+    theta_1, theta_2 = np.asarray(x[0]), np.asarray(x[1])
+    pose = Pose.of(theta_1, theta_2, np.asarray(facts["foot_x"]), parameters)
+    phase, time = int(facts["phase"]), float(facts["time"])
+    return draw_instant(pose, first_leg_stands, env.behaviour.phases, phase, time, parameters)

@@ -1,0 +1,194 @@
+"""How a MuJoCo robot is read: joints, bodies and geoms by their names."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from coachable.envs.probes import Probe, Reading, ReadingOf, angle
+
+X, Y, Z = 0, 1, 2
+
+
+class MujocoSimulation:
+    """A MuJoCo environment's model and data, and a look at where its parts are.
+
+    After a step MuJoCo's positions of bodies and geoms are those before its last small step, while joints are
+    where they are after it. So positions are worked out anew, on data of our own: the environment's stay as
+    they are. Contacts are those of that last small step.
+    """
+
+    def __init__(self, env: gymnasium.Env):
+        import mujoco
+
+        self._mujoco: Any = mujoco
+        self.model: Any = env.unwrapped.model  # pyright: ignore[reportAttributeAccessIssue]
+        self.data: Any = env.unwrapped.data  # pyright: ignore[reportAttributeAccessIssue]
+        self.now: Any = self._mujoco.MjData(self.model)
+        """Where everything is at this moment. There are no forces and no velocities in here."""
+        self.pressing: set[int] = set()
+        """The geoms that press on the floor."""
+        self.floor = int(self.model.geom("floor").id)
+        self._force = np.zeros(6)
+
+    def look(self) -> None:
+        """Work out where everything is, and what presses on the floor."""
+        self.now.qpos[:] = self.data.qpos
+        self._mujoco.mj_kinematics(self.model, self.now)
+        self.pressing.clear()
+        for index, pair in enumerate(self.data.contact.geom.tolist()):
+            if self.floor in pair:
+                self._mujoco.mj_contactForce(self.model, self.data, index, self._force)
+                normal_force = self._force[0]
+                if normal_force > 0:
+                    self.pressing.update(pair)
+
+
+def joint(name: str, sign: int = 1) -> ReadingOf:
+    """A joint's coordinate, a positive one of the joint as `sign`."""
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        qpos, address = simulation.data.qpos, int(simulation.model.joint(name).qposadr[0])
+        return lambda: sign * float(qpos[address])
+
+    return of
+
+
+def joint_velocity(name: str, sign: int = 1, offset: int = 0) -> ReadingOf:
+    """A joint's velocity; a free joint has several, to be told apart by `offset`."""
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        qvel, address = simulation.data.qvel, int(simulation.model.joint(name).dofadr[0]) + offset
+        return lambda: sign * float(qvel[address])
+
+    return of
+
+
+def joint_angle(name: str, description: str, hinge: str, sign: int) -> tuple[Probe, Probe]:
+    """A hinge's angle and its velocity, a positive one of the hinge as `sign`."""
+    return angle(name, description, joint(hinge, sign), joint_velocity(hinge, sign))
+
+
+def torso(axis: int) -> ReadingOf:
+    """A coordinate of the origin of the torso's frame."""
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        place = simulation.now.body("torso").xpos
+        return lambda: float(place[axis])
+
+    return of
+
+
+def foot_contact(foot: str) -> ReadingOf:
+    """Whether a geom presses on the floor, 1 or 0."""
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        geom = int(simulation.model.geom(foot).id)
+        return lambda: float(geom in simulation.pressing)
+
+    return of
+
+
+def foot_height(foot: str) -> ReadingOf:
+    """Of the lowest point of a sphere, or a capsule along its own z axis, over the floor."""
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        geom = simulation.model.geom(foot).id
+        is_capsule = simulation.model.geom_type[geom] == simulation._mujoco.mjtGeom.mjGEOM_CAPSULE
+        radius, half_length = simulation.model.geom_size[geom][:2] * (1.0, float(is_capsule))
+        place, axes = simulation.now.geom_xpos[geom], simulation.now.geom_xmat[geom]
+        floor = simulation.now.geom_xpos[simulation.floor]
+        return lambda: float(place[Z] - half_length * abs(axes[8]) - radius - floor[Z])
+
+    return of
+
+
+def foot_from_hip(foot: str, hip: str, axis: int) -> ReadingOf:
+    """How far the middle of a foot is from a hip joint along an axis of the world."""
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        foot_at = simulation.now.geom_xpos[simulation.model.geom(foot).id]
+        hip_at = simulation.now.xanchor[simulation.model.joint(hip).id]
+        return lambda: float(foot_at[axis] - hip_at[axis])
+
+    return of
+
+
+def foot_as_torso_heads(foot: str, hip: str, axis: int) -> ReadingOf:
+    """The same ahead (x) or to the left (y) as the torso heads, for a robot that can turn."""
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        along_x, along_y = (foot_from_hip(foot, hip, of_world)(simulation) for of_world in (X, Y))
+        rows = simulation.now.xmat[simulation.model.body("torso").id]
+
+        def reading() -> float:
+            cos, sin = _heading(rows)
+            return cos * along_x() + sin * along_y() if axis == X else cos * along_y() - sin * along_x()
+
+        return reading
+
+    return of
+
+
+def _heading(rows: np.ndarray) -> tuple[float, float]:
+    """Cosine and sine of the torso's yaw, from its rotation matrix in rows."""
+    x, y = float(rows[0]), float(rows[3])
+    length = math.hypot(x, y)
+    return (x / length, y / length) if length else (1.0, 0.0)
+
+
+def attitude(angle_of: Callable[[np.ndarray], float]) -> ReadingOf:
+    """An angle of the torso, from its rotation matrix in rows."""
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        rows = simulation.now.xmat[simulation.model.body("torso").id]
+        return lambda: angle_of(rows)
+
+    return of
+
+
+def attitude_rate(index: int) -> ReadingOf:
+    """d/dt of roll, pitch, yaw (in this order; intrinsic z-y-x angles) from the torso's angular velocity ω.
+
+    ω = yaw˙ ẑ + pitch˙ l + roll˙ x̂, with l to the left of the heading and x̂ the torso's own x axis. A free
+    joint's last three velocities are ω in the torso's frame.
+    """
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        rows = simulation.now.xmat[simulation.model.body("torso").id]
+        qvel, first = simulation.data.qvel, int(simulation.model.joint("root").dofadr[0]) + 3
+
+        def reading() -> float:
+            omega_x, omega_y, omega_z = rows.reshape(3, 3) @ qvel[first : first + 3]
+            cos, sin = _heading(rows)
+            along = cos * omega_x + sin * omega_y
+            lean = pitch(rows)
+            rates = (
+                along / math.cos(lean),
+                cos * omega_y - sin * omega_x,
+                omega_z + math.tan(lean) * along,
+            )
+            return float(rates[index])
+
+        return reading
+
+    return of
+
+
+def roll(rows: np.ndarray) -> float:
+    """From a rotation matrix in rows; positive to the right."""
+    return math.atan2(rows[7], rows[8])
+
+
+def pitch(rows: np.ndarray) -> float:
+    """From a rotation matrix in rows; positive forward."""
+    return math.asin(max(-1.0, min(1.0, -rows[6])))
+
+
+def yaw(rows: np.ndarray) -> float:
+    """From a rotation matrix in rows; positive to the left."""
+    return math.atan2(rows[3], rows[0])
