@@ -25,7 +25,7 @@ MODEL = Path(__file__).parents[3] / "src" / "coachable" / "analysis" / "report" 
 FUNCTIONS = ("unpack", "walkOf", "sampleAt", "limbs", "poseAt", "stretches", "extent", "number", "laneText")
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def quick():
     """A tenth of the resamples: the page shows what the statistics say, however many there are."""
     with pytest.MonkeyPatch.context() as patch:
