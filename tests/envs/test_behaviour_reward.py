@@ -1,5 +1,6 @@
 """A described reward around anybody's environment: what is kept, what is added, and what is refused."""
 
+import dataclasses
 import math
 import subprocess
 import sys
@@ -97,6 +98,26 @@ def test_it_pays_what_the_pure_functions_pay_on_top_of_what_was_paid_before(way,
             memory = reward.init(env.reset()[0])
             plain.reset()
     assert ends > 3
+
+
+def test_a_deadband_counts_as_it_does_in_the_pure_functions():
+    left, right = (
+        dataclasses.replace(phase, predicate=dataclasses.replace(phase.predicate, deadband=0.6))
+        for phase in pacing().phases
+    )
+    sticky = dataclasses.replace(pacing(), phases=(left, right))
+    env, reward, differs = wrapped(behaviour=sticky), DescribedReward(sticky), 0
+    observation, _ = env.reset(seed=3)
+    memory = reward.init(observation)
+    for action in actions(2):
+        observation, total, terminated, truncated, info = env.step(action)
+        memory, paid, step = reward.step(memory, observation, terminated)
+        told = info["behaviour"]
+        assert (told["location"], total - told["rewards"]["base"]) == (step.phase, pytest.approx(paid))
+        differs += told["phase"] != (sticky.phase_at({"x": observation[0]}) or "outside")
+        if terminated or truncated:
+            memory = reward.init(env.reset()[0])
+    assert differs > 5
 
 
 def test_it_can_take_the_place_of_what_was_paid():

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import jax
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import RecordConstructorArgs
@@ -16,7 +17,7 @@ from coachable.behaviours.library import load_behaviour
 from coachable.behaviours.suggestion import suggestion
 from coachable.envs.environment_signals import OnNaN, Signals, numbers_of_one, reader_of_one, time_step
 from coachable.errors import ParameterError
-from coachable.rewards.described_reward import DescribedReward, RewardMemory, Shaping
+from coachable.rewards.described_reward import DescribedReward, RewardMemory, Shaping, StepInfo
 from coachable.rewards.phase_reward import Variant
 
 
@@ -96,6 +97,7 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         if append_phase:
             self.observation_space = with_phase(env.observation_space, len(behaviour.phases) + 1)
         self._memory: RewardMemory | None = None
+        self._known: dict[tuple, tuple[RewardMemory, float, StepInfo, dict[str, bool]]] = {}
         self._steps = 0
 
     def reset(
@@ -104,7 +106,9 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         """Begin an episode; nothing is remembered of the last one."""
         self._memory = None
         observation, info = self.env.reset(seed=seed, options=options)
-        self._memory = self.behaviour_reward.init(self._signals(observation, info, "after the reset"))
+        self._memory = _plain(
+            self.behaviour_reward.init(_row(self._signals(observation, info, "after the reset")))
+        )
         self._steps = 0
         location = int(self._memory.phase.location)
         return self._seen(observation, location), self._with(info, self._told(location))
@@ -116,25 +120,44 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         observation, base, terminated, truncated, info = self.env.step(action)
         self._steps += 1
         signals = self._signals(observation, info, f"after step {self._steps}")
-        self._memory, paid, step = self.behaviour_reward.step(self._memory, signals, bool(terminated))
-        base, ours = float(base), self.weight * float(paid)
+        self._memory, paid, step, verdict = self._paid(self._memory, signals, bool(terminated))
+        base, ours = float(base), self.weight * paid
         location = int(step.phase)
         told = self._told(
             location,
-            verdict={
-                "follows": bool(step.follows),
-                "edge": bool(step.edge),
-                "too_short": bool(step.too_short),
-                "too_long": bool(step.too_long),
-            },
+            verdict=dict(verdict),
             cycles=int(step.cycles),
             rewards={"base": base, "behaviour": ours},
         )
         reward = ours if self.replace else base + ours
         return self._seen(observation, location), reward, terminated, truncated, self._with(info, told)
 
-    def _signals(self, observation: Any, info: Mapping[str, Any], when: str) -> np.ndarray:
+    def _signals(self, observation: Any, info: Mapping[str, Any], when: str) -> dict[str, float]:
         return numbers_of_one(self._read(observation, info), self.on_nan, when)
+
+    def _paid(
+        self, memory: RewardMemory, signals: dict[str, float], terminated: bool
+    ) -> tuple[RewardMemory, float, StepInfo, dict[str, bool]]:
+        """What `DescribedReward.step` gives for the step.
+
+        Without dwell times a step is all said by the memory, which has few values, and the location it leads
+        to. So each is worked out once, and looked up ever after: arrays are slow for single numbers.
+        """
+        tracker = self.behaviour_reward.phase_reward.tracker
+        if tracker.has_dwells:
+            return self._worked_out(memory, signals, terminated)
+        step = (memory, tracker.at(signals, memory.phase.location), terminated)
+        if step not in self._known:
+            self._known[step] = self._worked_out(memory, signals, terminated)
+        return self._known[step]
+
+    def _worked_out(
+        self, memory: RewardMemory, signals: dict[str, float], terminated: bool
+    ) -> tuple[RewardMemory, float, StepInfo, dict[str, bool]]:
+        arrays = jax.tree.map(np.asarray, memory)
+        after, paid, step = self.behaviour_reward.step(arrays, _row(signals), terminated)
+        verdict = {name: bool(getattr(step, name)) for name in ("follows", "edge", "too_short", "too_long")}
+        return _plain(after), float(paid), step, verdict
 
     def _told(self, location: int, **of_the_step: Any) -> dict[str, Any]:
         told = {"phase": self.behaviour_reward.phase_names[location], "location": location}
@@ -150,6 +173,15 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         phase = np.zeros(len(self.behaviour_reward.phase_names), observation.dtype)
         phase[location] = 1
         return np.concatenate([observation, phase])
+
+
+def _row(signals: Mapping[str, float]) -> np.ndarray:
+    return np.array([*signals.values()])
+
+
+def _plain(memory: RewardMemory) -> RewardMemory:
+    """The memory in Python's numbers, which can be looked up."""
+    return jax.tree.map(lambda leaf: np.asarray(leaf).item(), memory)
 
 
 def nothing_happened() -> dict[str, Any]:

@@ -67,19 +67,19 @@ def reader_of_many(
     return read
 
 
-def numbers_of_one(values: Mapping[str, Any], on_nan: OnNaN, when: str) -> Float[np.ndarray, " num_signals"]:
+def numbers_of_one(values: Mapping[str, Any], on_nan: OnNaN, when: str) -> dict[str, float]:
     """The signals as numbers.
 
     **Raises:** `SignalError`, naming the signal, for what is no single number, and for NaN if so wished.
     """
-    numbers = []
+    numbers = {}
     for name, value in values.items():
         if type(value) is not float:
             value = float(_array(name, value, (), when))
         if value != value and on_nan == "raise":
             raise SignalError(f"signal {name!r} is NaN {when}; {_ON_NAN}")
-        numbers.append(value)
-    return np.array(numbers)
+        numbers[name] = value
+    return numbers
 
 
 def numbers_of_many(
