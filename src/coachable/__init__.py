@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from coachable.behaviours.behaviour import Behaviour as Behaviour
     from coachable.behaviours.library import load_behaviour as load_behaviour
     from coachable.envs.baselines import baseline as baseline
+    from coachable.envs.behaviour_reward import BehaviourReward as BehaviourReward
     from coachable.envs.rollout import Trajectory as Trajectory
+    from coachable.envs.signals import signal_pack as signal_pack
+    from coachable.envs.vector_behaviour_reward import VectorBehaviourReward as VectorBehaviourReward
     from coachable.envs.walking_task import make_task as make_task
     from coachable.errors import CoachableError as CoachableError
     from coachable.learning.config import PPOConfig as PPOConfig
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
     from coachable.plants.controllers import ConstantTorque as ConstantTorque
     from coachable.plants.controllers import NoTorque as NoTorque
     from coachable.plants.controllers import VirtualGravity as VirtualGravity
+    from coachable.rewards.described_reward import DescribedReward as DescribedReward
     from coachable.rewards.setup import RewardSetup as RewardSetup
     from coachable.studies.api import rollout as rollout
     from coachable.studies.api import study as study
@@ -40,10 +44,12 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Behaviour": "behaviours.behaviour",
+    "BehaviourReward": "envs.behaviour_reward",
     "CoachableError": "errors",
     "CompassParameters": "plants.compass",
     "CompassWalker": "plants.compass",
     "ConstantTorque": "plants.controllers",
+    "DescribedReward": "rewards.described_reward",
     "HybridAutomaton": "automata.hybrid",
     "Monitor": "automata.monitor",
     "NoTorque": "plants.controllers",
@@ -53,6 +59,7 @@ _HOMES = {
     "Run": "studies.store",
     "Study": "studies.plan",
     "Trajectory": "envs.rollout",
+    "VectorBehaviourReward": "envs.vector_behaviour_reward",
     "VirtualGravity": "plants.controllers",
     "baseline": "envs.baselines",
     "citation": "studies.citation",
@@ -61,6 +68,7 @@ _HOMES = {
     "load_run": "studies.store",
     "make_task": "envs.walking_task",
     "rollout": "studies.api",
+    "signal_pack": "envs.signals",
     "study": "studies.api",
 }
 

@@ -21,6 +21,10 @@ class TraceError(CoachableError):
     """A recorded trace cannot be read or watched; the message names the column or the sample."""
 
 
+class SignalError(CoachableError):
+    """An environment does not give a signal that a behaviour reads, or no number; the message names it."""
+
+
 class PlanError(CoachableError):
     """A study plan asks for something that cannot be done."""
 

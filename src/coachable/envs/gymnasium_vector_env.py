@@ -25,6 +25,7 @@ from coachable.envs.compiled_walk import (
     step_all,
 )
 from coachable.envs.gymnasium_env import CompassWalkerEnv, ended, picture
+from coachable.envs.vector_infos import masked, only
 from coachable.errors import ParameterError
 
 Walkers = Bool[np.ndarray, " walkers"]
@@ -109,7 +110,7 @@ class CompassWalkerVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, 
             self._first_leg_stands = np.ones(self.num_envs, bool)
         else:
             self._put(chosen, begun)
-        info = _masked(info_of(_only(chosen, self._facts), self._weights), chosen)
+        info = masked(info_of(only(self._facts, chosen), self._weights), chosen)
         return self._observations.copy(), info
 
     def step(
@@ -142,7 +143,7 @@ class CompassWalkerVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, 
             info = self._last_words(self._ended)
             self._put(self._ended, self._begin(self._ended, np.zeros(self.num_envs, bool)))
             self._ended = np.zeros(self.num_envs, bool)
-        info |= _masked(info_of(self._facts, self._weights), np.ones(self.num_envs, bool))
+        info |= masked(info_of(self._facts, self._weights), np.ones(self.num_envs, bool))
         return self._observations.copy(), rewards, terminated, truncated, info
 
     def render(self) -> tuple[np.ndarray, ...] | None:
@@ -216,20 +217,3 @@ class CompassWalkerVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, 
             final = {"final_obs": self._observations[walker].copy(), "final_info": info}
             infos = self._add_info(infos, final, walker)
         return infos
-
-
-def _only(chosen: Walkers, facts: Facts) -> Facts:
-    """The facts with zeros for the others, of whom nothing is told."""
-    told = {name: np.zeros_like(values) for name, values in facts.items()}
-    for name, values in facts.items():
-        told[name][chosen] = values[chosen]
-    return told
-
-
-def _masked(info: dict[str, Any], chosen: Walkers) -> dict[str, Any]:
-    """The info with a mask beside every entry that says for whom it is, as Gymnasium wants it."""
-    masked: dict[str, Any] = {}
-    for name, values in info.items():
-        masked[name] = _masked(values, chosen) if isinstance(values, dict) else values
-        masked[f"_{name}"] = chosen.copy()
-    return masked

@@ -69,6 +69,14 @@ def reward_table(behaviour: Behaviour, variant: Variant) -> Int8[np.ndarray, "pr
     return np.where(pays, 1, -1).astype(np.int8)
 
 
+def beside(table: np.ndarray, like: Any) -> Any:
+    """A table in the library of an array, and in torch on its device, so that it can be looked up there."""
+    xp = array_library(like)
+    if xp is np:
+        return table
+    return xp.asarray(table, device=like.device) if xp.__name__ == "torch" else xp.asarray(table)
+
+
 class PhaseReward(eqx.Module):
     """r_or of a behaviour: where a state is, and what it pays to have come there.
 
@@ -132,7 +140,7 @@ class PhaseReward(eqx.Module):
         """r_or(𝒪(x_t), 𝒪(x_{t−1})), by the table; a violated dwell time pays −1."""
         table = self.table
         if not isinstance(move.location, Array):
-            table = array_library(move.location).asarray(np.array(table))
+            table = beside(np.array(table), move.location)
         paid = table[move.previous, move.location]
         if move.too_short is None or move.too_long is None:
             return paid

@@ -1,0 +1,234 @@
+"""A described reward on anybody's Gymnasium environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import jax
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.utils import RecordConstructorArgs
+
+from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.library import load_behaviour
+from coachable.behaviours.suggestion import suggestion
+from coachable.envs.environment_signals import OnNaN, Signals, numbers_of_one, reader_of_one, time_step
+from coachable.errors import ParameterError
+from coachable.rewards.described_reward import DescribedReward, RewardMemory, Shaping, StepInfo
+from coachable.rewards.phase_reward import Variant
+
+
+class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
+    """Pays for a described behaviour on top of what an environment pays, or in its place.
+
+        env = BehaviourReward(gymnasium.make("Walker2d-v5"), "walking.behaviour", weight=0.5)
+
+    The environment's own reward, ends, seeds and options are kept. The memory is that of `DescribedReward`
+    and begins anew with every reset; the first observation of an episode counts as the step before its first.
+
+    **Info**, after a step and after a reset, under the key `behaviour`:
+
+    | key | meaning |
+    |---|---|
+    | `phase` | name of the phase, or `outside` |
+    | `location` | its number: 0 … K−1, or K outside all K phases |
+    | `verdict` | whether it `follows` the behaviour, took an `edge`, left `too_short`, stays `too_long` |
+    | `cycles` | how many cycles the step completed; counted if there is a cycle bonus |
+    | `rewards` | `base`, what the environment paid; `behaviour`, what this wrapper paid, with its weight |
+
+    **Arguments:**
+        behaviour: a `Behaviour`, or what `load_behaviour` takes.
+        signals: what the behaviour reads: functions of (unwrapped environment, observation, info) by the
+            signals' names, or a `SignalPack`; by default the environment's pack.
+        weight: what the behaviour's reward is multiplied with.
+        replace: whether it is paid in the place of the environment's own.
+        variant, cycle_bonus, shaping: the form of the reward; see `DescribedReward`.
+        dt: the time between two steps [s]; by default the environment's `dt`, or else 1/`render_fps`.
+        on_nan: `"raise"`, or `"outside"` to take a state with a NaN signal as outside of all phases.
+        append_phase: whether the phase follows the observation, as K+1 numbers of which one is 1. The reward
+            depends on it, so that without it the problem is not Markov.
+        key: where the info is, if `behaviour` is taken.
+
+    **Raises:** `ParameterError` for a missing signal, an observation to which no phase can be appended and
+    what `DescribedReward` raises; from `reset` and `step` `SignalError` for a signal that is no number.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.Env,
+        behaviour: Behaviour | str | Path,
+        signals: Signals = None,
+        weight: int | float = 1.0,
+        replace: bool = False,
+        *,
+        variant: Variant = "stay",
+        cycle_bonus: int | float = 0.0,
+        shaping: Shaping | None = None,
+        dt: int | float | None = None,
+        on_nan: OnNaN = "raise",
+        append_phase: bool = False,
+        key: str = "behaviour",
+    ):
+        RecordConstructorArgs.__init__(
+            self,
+            behaviour=behaviour,
+            signals=signals,
+            weight=weight,
+            replace=replace,
+            variant=variant,
+            cycle_bonus=cycle_bonus,
+            shaping=shaping,
+            dt=dt,
+            on_nan=on_nan,
+            append_phase=append_phase,
+            key=key,
+            _disable_deepcopy=True,
+        )
+        gymnasium.Wrapper.__init__(self, env)
+        require_known_on_nan(on_nan)
+        self.behaviour_reward = described_reward(env, behaviour, variant, dt, cycle_bonus, shaping)
+        self.on_nan: OnNaN = on_nan
+        self.weight, self.replace, self.append_phase, self.key = weight, replace, append_phase, key
+        behaviour = self.behaviour_reward.behaviour
+        self._read = reader_of_one(env, behaviour.signal_names, signals)
+        if append_phase:
+            self.observation_space = with_phase(env.observation_space, len(behaviour.phases) + 1)
+        self._memory: RewardMemory | None = None
+        self._known: dict[tuple, tuple[RewardMemory, float, StepInfo, dict[str, bool]]] = {}
+        self._steps = 0
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode; nothing is remembered of the last one."""
+        self._memory = None
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._memory = _plain(
+            self.behaviour_reward.init(_row(self._signals(observation, info, "after the reset")))
+        )
+        self._steps = 0
+        location = int(self._memory.phase.location)
+        return self._seen(observation, location), self._with(info, self._told(location))
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One step of the environment, paid for where it led."""
+        if self._memory is None:
+            raise ResetNeeded("no episode has begun; call reset()")
+        observation, base, terminated, truncated, info = self.env.step(action)
+        self._steps += 1
+        signals = self._signals(observation, info, f"after step {self._steps}")
+        self._memory, paid, step, verdict = self._paid(self._memory, signals, bool(terminated))
+        base, ours = float(base), self.weight * paid
+        location = int(step.phase)
+        told = self._told(
+            location,
+            verdict=dict(verdict),
+            cycles=int(step.cycles),
+            rewards={"base": base, "behaviour": ours},
+        )
+        reward = ours if self.replace else base + ours
+        return self._seen(observation, location), reward, terminated, truncated, self._with(info, told)
+
+    def _signals(self, observation: Any, info: Mapping[str, Any], when: str) -> dict[str, float]:
+        return numbers_of_one(self._read(observation, info), self.on_nan, when)
+
+    def _paid(
+        self, memory: RewardMemory, signals: dict[str, float], terminated: bool
+    ) -> tuple[RewardMemory, float, StepInfo, dict[str, bool]]:
+        """What `DescribedReward.step` gives for the step.
+
+        Without dwell times a step is all said by the memory, which has few values, and the location it leads
+        to. So each is worked out once, and looked up ever after: arrays are slow for single numbers.
+        """
+        tracker = self.behaviour_reward.phase_reward.tracker
+        if tracker.has_dwells:
+            return self._worked_out(memory, signals, terminated)
+        step = (memory, tracker.at(signals, memory.phase.location), terminated)
+        if step not in self._known:
+            self._known[step] = self._worked_out(memory, signals, terminated)
+        return self._known[step]
+
+    def _worked_out(
+        self, memory: RewardMemory, signals: dict[str, float], terminated: bool
+    ) -> tuple[RewardMemory, float, StepInfo, dict[str, bool]]:
+        arrays = jax.tree.map(np.asarray, memory)
+        after, paid, step = self.behaviour_reward.step(arrays, _row(signals), terminated)
+        verdict = {name: bool(getattr(step, name)) for name in ("follows", "edge", "too_short", "too_long")}
+        return _plain(after), float(paid), step, verdict
+
+    def _told(self, location: int, **of_the_step: Any) -> dict[str, Any]:
+        told = {"phase": self.behaviour_reward.phase_names[location], "location": location}
+        return {**told, **(of_the_step or nothing_happened())}
+
+    def _with(self, info: dict[str, Any], told: dict[str, Any]) -> dict[str, Any]:
+        require_free(self.key, info)
+        return {**info, self.key: told}
+
+    def _seen(self, observation: Any, location: int) -> Any:
+        if not self.append_phase:
+            return observation
+        phase = np.zeros(len(self.behaviour_reward.phase_names), observation.dtype)
+        phase[location] = 1
+        return np.concatenate([observation, phase])
+
+
+def _row(signals: Mapping[str, float]) -> np.ndarray:
+    return np.array([*signals.values()])
+
+
+def _plain(memory: RewardMemory) -> RewardMemory:
+    """The memory in Python's numbers, which can be looked up."""
+    return jax.tree.map(lambda leaf: np.asarray(leaf).item(), memory)
+
+
+def nothing_happened() -> dict[str, Any]:
+    """What is told of a reset: no step, nothing paid."""
+    return {
+        "verdict": {"follows": False, "edge": False, "too_short": False, "too_long": False},
+        "cycles": 0,
+        "rewards": {"base": 0.0, "behaviour": 0.0},
+    }
+
+
+def described_reward(
+    env: Any,
+    behaviour: Behaviour | str | Path,
+    variant: Variant,
+    dt: int | float | None,
+    cycle_bonus: int | float,
+    shaping: Shaping | None,
+) -> DescribedReward:
+    """The reward of a behaviour in an environment, which knows its own dt."""
+    behaviour = behaviour if isinstance(behaviour, Behaviour) else load_behaviour(behaviour)
+    return DescribedReward(behaviour, variant, time_step(env) if dt is None else dt, cycle_bonus, shaping)
+
+
+def with_phase(space: gymnasium.Space, locations: int) -> gymnasium.spaces.Box:
+    """The space of observations with a phase behind them.
+
+    **Raises:** `ParameterError` for one that is no row of numbers.
+    """
+    if not isinstance(space, gymnasium.spaces.Box) or len(space.shape) != 1:
+        raise ParameterError(
+            f"append_phase needs observations that are a row of numbers, but they are {space}; put "
+            "gymnasium.wrappers.FlattenObservation around the environment first"
+        )
+    low, high = np.zeros(locations, space.dtype), np.ones(locations, space.dtype)
+    return gymnasium.spaces.Box(
+        np.concatenate([space.low, low]), np.concatenate([space.high, high]), dtype=space.dtype.type
+    )
+
+
+def require_free(key: str, info: Mapping[str, Any]) -> None:
+    """Raise `ParameterError` if the info of the environment has an entry of this name already."""
+    if key in info:
+        raise ParameterError(f"the environment's info has an entry {key!r} already; give another key")
+
+
+def require_known_on_nan(on_nan: str) -> None:
+    """Raise `ParameterError` for what is no `OnNaN`."""
+    if on_nan not in ("raise", "outside"):
+        raise ParameterError(f"unknown on_nan {on_nan!r}; {suggestion(on_nan, ('raise', 'outside'))}")

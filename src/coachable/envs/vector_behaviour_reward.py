@@ -1,0 +1,205 @@
+"""A described reward on anybody's Gymnasium vector environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import jax
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space, concatenate, create_empty_array, iterate
+from jaxtyping import Bool, Float
+
+from coachable.behaviours.behaviour import Behaviour
+from coachable.envs.behaviour_reward import described_reward, require_free, require_known_on_nan, with_phase
+from coachable.envs.environment_signals import OnNaN, Signals, numbers_of_many, reader_of_many
+from coachable.envs.vector_infos import at_the_end, masked, only
+from coachable.errors import ParameterError
+from coachable.rewards.described_reward import RewardMemory, Shaping, StepInfo
+from coachable.rewards.phase_reward import Variant
+
+Envs = Bool[np.ndarray, " envs"]
+"""Which of them."""
+
+
+class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
+    """Pays for a described behaviour in every environment of a vector environment.
+
+    It gives what a `BehaviourReward` around each of them gives, in all autoreset modes, infos with their
+    masks included. The step that merely begins an episode, in the next-step mode, pays nothing.
+
+    **Arguments:** as for `BehaviourReward`, but each signal is a function of (unwrapped vector environment,
+    batched observations, infos) that gives a number for each environment. In the same-step mode it is also
+    asked about the end of an episode, with the final observations and infos in their places; what it reads
+    in the environment itself would by then be of the next episode. A pack looks into the environments one by
+    one, so it needs them to be there (`SyncVectorEnv`) and another mode.
+
+    **Raises:** as `BehaviourReward`, and `ParameterError` for an environment whose metadata tell no
+    autoreset mode, and a pack that cannot look.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.vector.VectorEnv,
+        behaviour: Behaviour | str | Path,
+        signals: Signals = None,
+        weight: int | float = 1.0,
+        replace: bool = False,
+        *,
+        variant: Variant = "stay",
+        cycle_bonus: int | float = 0.0,
+        shaping: Shaping | None = None,
+        dt: int | float | None = None,
+        on_nan: OnNaN = "raise",
+        append_phase: bool = False,
+        key: str = "behaviour",
+    ):
+        super().__init__(env)
+        require_known_on_nan(on_nan)
+        try:
+            self.autoreset_mode = AutoresetMode(env.metadata.get("autoreset_mode"))
+        except ValueError:
+            raise ParameterError(
+                f"the metadata of {env} do not tell its autoreset mode; set metadata['autoreset_mode'] to "
+                "what it does, such as gymnasium.vector.AutoresetMode.NEXT_STEP"
+            ) from None
+        self.behaviour_reward = described_reward(env, behaviour, variant, dt, cycle_bonus, shaping)
+        self.on_nan: OnNaN = on_nan
+        self.weight, self.replace, self.append_phase, self.key = weight, replace, append_phase, key
+        behaviour = self.behaviour_reward.behaviour
+        same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
+        self._read = reader_of_many(env, behaviour.signal_names, signals, same_step)
+        if append_phase:
+            single = with_phase(env.single_observation_space, len(behaviour.phases) + 1)
+            self.single_observation_space = single
+            self.observation_space = batch_space(single, env.num_envs)
+        self._names = np.array(self.behaviour_reward.phase_names, object)
+        self._memory: RewardMemory | None = None
+        self._ended = np.zeros(env.num_envs, bool)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode in every environment, or in those that `options["reset_mask"]` names."""
+        chosen = np.ones(self.num_envs, bool)
+        if options is not None and "reset_mask" in options:
+            chosen = np.array(options["reset_mask"], bool)
+            if self._memory is None and not chosen.all():
+                raise ResetNeeded("some environments have never been reset; reset them all first")
+        observations, infos = self.env.reset(seed=seed, options=options)  # pyright: ignore[reportArgumentType]
+        self._begin(chosen, self._signals(observations, infos, "after the reset", chosen))
+        self._ended &= ~chosen
+        told = only(self._nothing_happened(), chosen)
+        return self._seen(observations), self._with(infos, masked(told, chosen), chosen)
+
+    def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """One step of every environment, paid for where it led."""
+        if self._memory is None:
+            raise ResetNeeded("no episode has begun; call reset()")
+        observations, base, terminated, truncated, infos = self.env.step(actions)
+        everyone, ended = np.ones(self.num_envs, bool), np.asarray(terminated | truncated)
+        begun_in_the_step = ended & (self.autoreset_mode is AutoresetMode.SAME_STEP)
+        last_observations, last_infos = observations, infos
+        if begun_in_the_step.any():
+            last_observations, last_infos = self._at_the_end(observations, infos, ended)
+        signals = self._signals(last_observations, last_infos, "after a step", everyone)
+        self._memory, paid, step = self.behaviour_reward.step(self._memory, signals, np.asarray(terminated))
+        told, ours = self._told(step, np.asarray(base), paid)
+        if self._ended.any():
+            self._begin(self._ended, signals)
+            told, ours = self._forget(told, self._ended), np.where(self._ended, 0.0, ours)
+        if begun_in_the_step.any():
+            infos = self._tell_the_end(infos, told, ended)
+            self._begin(ended, self._signals(observations, infos, "after a reset", ended))
+            told = self._forget(told, ended)
+        self._ended = ended & ~begun_in_the_step
+        rewards = ours if self.replace else base + ours
+        infos = self._with(infos, masked(told, everyone), everyone)
+        return self._seen(observations), rewards, terminated, truncated, infos
+
+    def _signals(
+        self, observations: Any, infos: Mapping[str, Any], when: str, chosen: Envs
+    ) -> Float[np.ndarray, "envs num_signals"]:
+        return numbers_of_many(self._read(observations, infos), self.on_nan, when, chosen)
+
+    def _begin(self, chosen: Envs, signals: Float[np.ndarray, "envs num_signals"]) -> None:
+        """The chosen ones remember nothing but where they are."""
+        begun = self.behaviour_reward.init(signals)
+        if self._memory is None:
+            self._memory = begun
+        else:
+            self._memory = jax.tree.map(lambda one, other: np.where(chosen, one, other), begun, self._memory)
+
+    def _at_the_end(
+        self, observations: Any, infos: dict[str, Any], ended: Envs
+    ) -> tuple[Any, dict[str, Any]]:
+        """The observations and infos before those that have ended began anew."""
+        one = self.env.single_observation_space
+        last = list(iterate(self.env.observation_space, observations))
+        for index in np.flatnonzero(ended):
+            last[index] = infos["final_obs"][index]
+        last = concatenate(one, last, create_empty_array(one, self.num_envs))
+        return last, at_the_end(infos, ended)
+
+    def _tell_the_end(self, infos: dict[str, Any], told: dict[str, Any], ended: Envs) -> dict[str, Any]:
+        """The final infos and observations with what the behaviour adds."""
+        final_info = {**infos.get("final_info", {}), self.key: masked(only(told, ended), ended)}
+        final_info[f"_{self.key}"] = ended.copy()
+        infos = {**infos, "final_info": final_info, "_final_info": ended.copy()}
+        if self.append_phase:
+            final_obs, phases = np.full(self.num_envs, None, object), self._phases()
+            for index in np.flatnonzero(ended):
+                final_obs[index] = np.concatenate([infos["final_obs"][index], phases[index]])
+            infos["final_obs"] = final_obs
+        return infos
+
+    def _told(
+        self, step: StepInfo, base: Float[np.ndarray, " envs"], paid: Float[np.ndarray, " envs"]
+    ) -> tuple[dict[str, Any], Float[np.ndarray, " envs"]]:
+        """What there is to tell after a step, and what the behaviour pays."""
+        ours = self.weight * paid
+        verdict = {
+            name: np.array(getattr(step, name)) for name in ("follows", "edge", "too_short", "too_long")
+        }
+        return {
+            **self._places(),
+            "verdict": verdict,
+            "cycles": step.cycles.astype(np.int64),
+            "rewards": {"base": np.array(base, np.float64), "behaviour": ours.copy()},
+        }, ours
+
+    def _nothing_happened(self) -> dict[str, Any]:
+        """What there is to tell after a reset."""
+        no, zero = np.zeros(self.num_envs, bool), np.zeros(self.num_envs)
+        return {
+            **self._places(),
+            "verdict": {name: no.copy() for name in ("follows", "edge", "too_short", "too_long")},
+            "cycles": np.zeros(self.num_envs, np.int64),
+            "rewards": {name: zero.copy() for name in ("base", "behaviour")},
+        }
+
+    def _forget(self, told: dict[str, Any], begun: Envs) -> dict[str, Any]:
+        """What there is to tell where some have begun an episode."""
+        return jax.tree.map(lambda one, other: np.where(begun, one, other), self._nothing_happened(), told)
+
+    def _places(self) -> dict[str, Any]:
+        assert self._memory is not None
+        location = self._memory.phase.location
+        return {"phase": self._names[location], "location": location.astype(np.int64)}
+
+    def _with(self, infos: dict[str, Any], told: dict[str, Any], chosen: Envs) -> dict[str, Any]:
+        require_free(self.key, infos)
+        return {**infos, self.key: told, f"_{self.key}": chosen.copy()}
+
+    def _phases(self) -> np.ndarray:
+        assert self._memory is not None
+        return np.eye(len(self._names), dtype=self.single_observation_space.dtype)[
+            self._memory.phase.location
+        ]
+
+    def _seen(self, observations: Any) -> Any:
+        return np.concatenate([observations, self._phases()], axis=1) if self.append_phase else observations

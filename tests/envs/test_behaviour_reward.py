@@ -1,0 +1,360 @@
+"""A described reward around anybody's environment: what is kept, what is added, and what is refused."""
+
+import dataclasses
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import FlattenObservation
+
+from coachable.behaviours import Behaviour, Comparison, Dwell, Edge, Phase, Signal
+from coachable.envs.behaviour_reward import BehaviourReward
+from coachable.envs.signals import signal_pack
+from coachable.errors import ParameterError, SignalError
+from coachable.rewards.described_reward import DescribedReward, Shaping
+
+
+class Pacing(gymnasium.Env):
+    """A walker on a line, who turns where he is told to, and stops at ±3."""
+
+    observation_space = gymnasium.spaces.Box(-10.0, 10.0, (1,), np.float64)
+    action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float64)
+    metadata = {"render_modes": [], "render_fps": 4}  # noqa: RUF012
+
+    def __init__(self, limit=30):
+        self.limit = limit
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.x = (options or {}).get("x", self.np_random.uniform(-1, 1))
+        self.steps = 0
+        return np.array([self.x]), {"x": self.x}
+
+    def step(self, action):
+        self.x += float(action[0])
+        self.steps += 1
+        over = abs(self.x) > 3
+        return np.array([self.x]), self.x / 2, over, self.steps >= self.limit and not over, {"x": self.x}
+
+
+def pacing(dwell=None):
+    left = Phase("left", "", Comparison("x", "<", -0.2), dwell)
+    right = Phase("right", "", Comparison("x", ">", 0.2))
+    edges = (Edge("left", "right"), Edge("right", "left"))
+    return Behaviour("pacing", "", (Signal("x"),), (left, right), edges, (edges,))
+
+
+BY_OBSERVATION = {"x": lambda env, observation, info: observation[0]}
+WAYS = {
+    "observation": BY_OBSERVATION,
+    "info": {"x": lambda env, observation, info: info["x"]},
+    "environment": {"x": lambda env, observation, info: env.x},
+}
+FORMS = {
+    "phases": {},
+    "equation": {"variant": "equation"},
+    "cycles": {"cycle_bonus": 5.0},
+    "shaping": {"shaping": Shaping(0.9), "cycle_bonus": 1.0},
+}
+
+
+def wrapped(limit=30, behaviour=None, signals=BY_OBSERVATION, **options):
+    return BehaviourReward(Pacing(limit), behaviour or pacing(), signals, **options)
+
+
+def actions(seed, num=200):
+    return np.random.default_rng(seed).uniform(-1, 1, (num, 1))
+
+
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+@pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
+def test_it_pays_what_the_pure_functions_pay_on_top_of_what_was_paid_before(way, form):
+    env, plain = wrapped(signals=way, weight=0.5, **form), Pacing()
+    reward, ends = DescribedReward(pacing(), **form), 0
+    observation, _ = env.reset(seed=3)
+    plain.reset(seed=3)
+    memory = reward.init(observation)
+    for action in actions(0):
+        observation, total, terminated, truncated, info = env.step(action)
+        its_observation, base, its_terminated, its_truncated, its_info = plain.step(action)
+        memory, paid, step = reward.step(memory, observation, terminated)
+        assert total == base + 0.5 * float(paid)
+        np.testing.assert_array_equal(observation, its_observation)
+        assert (terminated, truncated) == (its_terminated, its_truncated)
+        told = info.pop("behaviour")
+        assert info == its_info
+        assert told["rewards"] == {"base": base, "behaviour": 0.5 * float(paid)}
+        assert told["phase"] == (pacing().phase_at({"x": observation[0]}) or "outside")
+        assert (told["location"], told["cycles"]) == (step.phase, step.cycles)
+        assert told["verdict"] == {name: getattr(step, name) for name in told["verdict"]}
+        if terminated or truncated:
+            ends += 1
+            memory = reward.init(env.reset()[0])
+            plain.reset()
+    assert ends > 3
+
+
+def test_a_deadband_counts_as_it_does_in_the_pure_functions():
+    left, right = (
+        dataclasses.replace(phase, predicate=dataclasses.replace(phase.predicate, deadband=0.6))
+        for phase in pacing().phases
+    )
+    sticky = dataclasses.replace(pacing(), phases=(left, right))
+    env, reward, differs = wrapped(behaviour=sticky), DescribedReward(sticky), 0
+    observation, _ = env.reset(seed=3)
+    memory = reward.init(observation)
+    for action in actions(2):
+        observation, total, terminated, truncated, info = env.step(action)
+        memory, paid, step = reward.step(memory, observation, terminated)
+        told = info["behaviour"]
+        assert (told["location"], total - told["rewards"]["base"]) == (step.phase, pytest.approx(paid))
+        differs += told["phase"] != (sticky.phase_at({"x": observation[0]}) or "outside")
+        if terminated or truncated:
+            memory = reward.init(env.reset()[0])
+    assert differs > 5
+
+
+def test_it_can_take_the_place_of_what_was_paid():
+    env = wrapped(weight=2.0, replace=True)
+    env.reset(options={"x": 0.0})
+    _, reward, *_, info = env.step([0.5])
+    assert reward == 2.0
+    assert info["behaviour"]["rewards"] == {"base": 0.25, "behaviour": 2.0}
+
+
+def test_options_and_seeds_reach_the_environment():
+    env = wrapped()
+    observation, info = env.reset(options={"x": -1.0})
+    assert observation == [-1.0]
+    assert info["behaviour"]["phase"] == "left"
+    first, _ = env.reset(seed=5)
+    again, _ = env.reset(seed=5)
+    assert first == again
+    assert env.np_random_seed == 5
+
+
+@pytest.mark.parametrize("form", [{}, {"cycle_bonus": 5.0, "shaping": Shaping(0.9)}])
+def test_nothing_of_an_episode_is_left_in_the_next(form):
+    """An episode pays the same after any other, however that ended, as it does in a new environment."""
+    env = wrapped(behaviour=pacing(Dwell(0.5, 1.0)), **form)
+
+    def episode(env):
+        told = [env.reset(options={"x": -0.9})]
+        told += [env.step(action) for action in actions(1, 12) / 2]
+        return told
+
+    fresh = episode(wrapped(behaviour=pacing(Dwell(0.5, 1.0)), **form))
+    for seed in range(5):
+        env.reset(options={"x": -0.3})
+        for action in actions(seed, 9):
+            env.step(action)
+        assert episode(env) == fresh
+
+
+def test_dwell_times_are_kept_by_the_environments_clock():
+    """Four pictures a second: half a second is two samples."""
+    env = wrapped(behaviour=pacing(Dwell(0.5, 1.0)))
+    assert env.behaviour_reward.dt == 0.25
+    env.reset(options={"x": 1.0})
+
+    def verdict(action):
+        told = env.step([action])[-1]["behaviour"]
+        return {name for name, holds in told["verdict"].items() if holds}
+
+    assert verdict(-1.0) == set()
+    assert verdict(-1.0) == {"follows"}
+    assert verdict(1.0) == {"too_short"}
+    assert verdict(-1.0) == {"follows"}
+    assert [verdict(0.0) for _ in range(6)] == [{"follows"}] * 4 + [{"too_long"}] * 2
+    assert wrapped(dt=0.1).behaviour_reward.dt == 0.1
+
+
+def test_the_phase_can_follow_the_observation():
+    env = wrapped(append_phase=True)
+    assert env.observation_space == gymnasium.spaces.Box(
+        np.array([-10.0, 0, 0, 0]), np.array([10.0, 1, 1, 1]), dtype=np.float64
+    )
+    assert env.reset(options={"x": 0.0})[0].tolist() == [0.0, 0, 0, 1]
+    assert env.step([0.5])[0].tolist() == [0.5, 0, 1, 0]
+    assert env.step([-1.0])[0].tolist() == [-0.5, 1, 0, 0]
+
+
+@pytest.mark.parametrize("options", [{}, {"append_phase": True, "cycle_bonus": 1.0, "replace": True}])
+def test_gymnasiums_checker_passes_it(options):
+    gymnasium.register("coachable-test/Pacing-v0", entry_point=lambda **kwargs: Pacing(**kwargs))
+    try:
+        env = BehaviourReward(gymnasium.make("coachable-test/Pacing-v0"), pacing(), BY_OBSERVATION, **options)
+        with pytest.warns(UserWarning, match="different from the unwrapped version"):
+            check_env(env, skip_render_check=True)
+    finally:
+        gymnasium.registry.pop("coachable-test/Pacing-v0")
+
+
+def test_two_behaviours_can_be_asked_for_at_once():
+    env = BehaviourReward(wrapped(weight=2.0), pacing(), BY_OBSERVATION, weight=3.0, key="more")
+    env.reset(options={"x": 0.0})
+    _, reward, *_, info = env.step([1.0])
+    assert reward == 0.5 + 2 + 3
+    assert info["more"]["phase"] == info["behaviour"]["phase"] == "right"
+    with pytest.raises(ParameterError, match="'behaviour' already; give another key"):
+        BehaviourReward(wrapped(), pacing(), BY_OBSERVATION).reset()
+
+
+class Still(gymnasium.Env):
+    """Tells neither its clock nor numbers in a row."""
+
+    observation_space = gymnasium.spaces.Dict({"x": gymnasium.spaces.Discrete(2)})
+    action_space = gymnasium.spaces.Discrete(2)
+    metadata = {"render_modes": []}  # noqa: RUF012
+
+
+@pytest.mark.parametrize(
+    ("make", "complaint"),
+    [
+        (lambda: wrapped(signals={}), r"signal 'x' is missing in signals; known: none"),
+        (lambda: wrapped(signals={"X": max}), r"signal 'x' is missing in signals; "),
+        (lambda: wrapped(signals=None), "no id"),
+        (lambda: wrapped(signals=signal_pack("Hopper-v5")), "Hopper-v5 has no signal 'x'"),
+        (
+            lambda: BehaviourReward(gymnasium.make("CartPole-v1"), pacing()),
+            "no signal pack for 'CartPole-v1'",
+        ),
+        (lambda: BehaviourReward(Still(), pacing(Dwell(1.0)), BY_OBSERVATION), "dt is needed"),
+        (lambda: BehaviourReward(Still(), pacing(), WAYS["info"], append_phase=True), "FlattenObservation"),
+    ],
+)
+def test_mistakes_are_named_at_construction(make, complaint):
+    with pytest.raises(ParameterError, match=complaint):
+        make()
+
+
+def test_without_the_tests_type_checks_what_is_no_function_and_an_unknown_on_nan_are_refused():
+    program = """
+import gymnasium, coachable as co
+for options in ({"signals": {"theta_1": 3.0}}, {"on_nan": "outsid"}):
+    try:
+        co.BehaviourReward(gymnasium.make("CartPole-v1"), "compass-walking", **options)
+    except co.CoachableError as error:
+        print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert "signal 'theta_1' must be a function of (env, observation, info)" in done.stdout
+    assert "unknown on_nan 'outsid'; did you mean 'outside'?" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("value", "complaint"),
+    [
+        (math.nan, "'x' is NaN"),
+        (np.float32("nan"), "'x' is NaN"),
+        (np.zeros(2), r"'x' must be one number, but .* its shape is \(2,\)"),
+        (np.zeros(1), r"'x' must be one number, but .* its shape is \(1,\)"),
+        ("left", "'x' must be one number, but .* it is 'left'"),
+        (None, "'x' must be one number"),
+    ],
+)
+def test_a_signal_that_is_no_number_is_named_where_it_happens(value, complaint):
+    values = iter([value, 0.0, 0.0, value])
+    env = wrapped(signals={"x": lambda env, observation, info: next(values)})
+    with pytest.raises(SignalError, match=complaint) as told:
+        env.reset()
+    assert "after the reset" in str(told.value)
+    env.reset()
+    env.step([0.0])
+    with pytest.raises(SignalError, match=complaint) as told:
+        env.step([0.0])
+    assert "after step 2" in str(told.value)
+
+
+def test_a_nan_can_count_as_outside():
+    values = iter([0.0, math.nan, 1.0])
+    env = wrapped(signals={"x": lambda env, observation, info: next(values)}, on_nan="outside")
+    env.reset()
+    assert env.step([0.0])[-1]["behaviour"]["phase"] == "outside"
+    assert env.step([0.0])[-1]["behaviour"]["phase"] == "right"
+
+
+def test_what_a_signals_function_raises_comes_with_its_name():
+    env = wrapped(signals={"x": lambda env, observation, info: info["y"]})
+    with pytest.raises(KeyError) as told:
+        env.reset()
+    assert any("'x'" in note for note in told.value.__notes__)
+
+
+def test_a_step_needs_a_reset():
+    env = wrapped()
+    with pytest.raises(ResetNeeded):
+        env.step([0.0])
+
+
+WALK = """behaviour "one foot and the other"
+signals
+  left_foot_contact
+  right_foot_contact
+  pitch [rad]
+phases
+  left:  pitch < 0.5 [rad], left_foot_contact > 0.5, right_foot_contact < 0.5
+  right for 0.016 s to 0.5 s:  pitch < 0.5 [rad], right_foot_contact > 0.5, left_foot_contact < 0.5
+  both:  pitch < 0.5 [rad], left_foot_contact > 0.5, right_foot_contact > 0.5
+cycle
+  left -> both -> right -> left
+"""
+HOP = """behaviour "hops"
+signals
+  foot_contact
+phases
+  stance:  foot_contact > 0.5
+  flight:  foot_contact < 0.5
+cycle
+  stance -> flight -> stance
+"""
+
+
+@pytest.mark.parametrize(("name", "text"), [("Walker2d-v5", WALK), ("Hopper-v5", HOP)])
+def test_mujocos_robots_have_their_signals(name, text, tmp_path):
+    pytest.importorskip("mujoco", reason="needs the [mujoco] extra: pip install 'coachable[mujoco]'")
+    path = Path(tmp_path / "gait.behaviour")
+    path.write_text(text, encoding="utf-8")
+    env, plain = BehaviourReward(gymnasium.make(name), path, append_phase=True), gymnasium.make(name)
+    behaviour = env.behaviour_reward.behaviour
+    assert env.behaviour_reward.dt == pytest.approx(env.unwrapped.dt)
+    read = signal_pack(env).reader(env, behaviour.signal_names)
+    reward = DescribedReward(behaviour, dt=env.unwrapped.dt)
+    observation, info = env.reset(seed=1)
+    plain.reset(seed=1)
+    memory = reward.init(np.array([*read(observation, info).values()]))
+    seen, size = set(), plain.observation_space.shape[0]
+    env.action_space.seed(0)
+    for _ in range(150):
+        action = env.action_space.sample()
+        observation, total, terminated, truncated, info = env.step(action)
+        its_observation, base, its_terminated, _, _ = plain.step(action)
+        signals = read(observation, info)
+        memory, paid, _ = reward.step(memory, np.array([*signals.values()]), terminated)
+        np.testing.assert_array_equal(observation[:size], its_observation)
+        assert total == base + float(paid)
+        assert terminated == its_terminated
+        assert info["behaviour"]["phase"] == (behaviour.phase_at(signals) or "outside")
+        seen.add(info["behaviour"]["phase"])
+        if terminated or truncated:
+            observation, info = env.reset()
+            plain.reset()
+            memory = reward.init(np.array([*read(observation, info).values()]))
+    assert len(seen) >= 2
+
+
+def test_dictionaries_are_flattened_before_a_phase_is_appended():
+    class Told(gymnasium.ObservationWrapper):
+        observation_space = gymnasium.spaces.Dict({"x": Pacing.observation_space})
+
+        def observation(self, observation):
+            return {"x": observation}
+
+    env = BehaviourReward(FlattenObservation(Told(Pacing())), pacing(), BY_OBSERVATION, append_phase=True)
+    assert env.reset(options={"x": 1.0})[0].tolist() == [1.0, 0, 1, 0]
