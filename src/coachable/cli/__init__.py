@@ -45,8 +45,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"coachable: {error.filename}: {error.strerror}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
-        command = shlex.join(["coachable", *arguments])
-        print(f"\nStopped. Nothing is lost; go on with:\n  {command}", file=sys.stderr)
+        goes_on = f" Nothing is lost; go on with:\n  {shlex.join(['coachable', *arguments])}"
+        print("\nStopped." + (goes_on if arguments[:1] == ["study"] else ""), file=sys.stderr)
         sys.exit(130)
 
 
@@ -73,6 +73,7 @@ def _overview() -> str:
             "  coachable study demo                                        two minutes, to see it work",
             "  coachable study paper --out runs/paper                      the paper's whole study",
             "  coachable report runs/paper                                 one page: what was learned",
+            "  coachable check compass-walking                             what a description says",
             "  coachable watch runs/paper --setup orthant --seed 3 -o gait.gif",
             "",
             *(f"  {name:<10}{summary}" for name, summary in summaries.items()),
