@@ -81,6 +81,11 @@ def test_every_shipped_behaviour_is_drawn_alike_each_time(name):
     assert len(svg) < 60_000
 
 
+@pytest.mark.parametrize("name", ["compass-walking", "compass-walking-released"])
+def test_ideal_walking_fits_a_readme(name):
+    assert float(attribute(ET.fromstring(automaton_svg(load_behaviour(name))), "width")) <= 860
+
+
 def test_a_cycle_stands_clockwise_in_its_order_however_its_phases_are_given():
     shuffled = dataclasses.replace(WALKING, phases=tuple(WALKING.phases[index] for index in (2, 0, 3, 1)))
     assert drawing_order(shuffled) == ("O1", "O2", "O3", "O4")

@@ -56,7 +56,9 @@ def rows_of(text: str, name: str, mistakes: Mistakes, bounded: bool = True) -> t
     section, indent = "", 0
     for number, line in enumerate(source.lines, start=1):
         line = "".join(c if c.isprintable() else " " for c in line.expandtabs(1)).rstrip()
-        code = _CODE.match(line).group().rstrip()  # type: ignore[union-attr]
+        written = _CODE.match(line)
+        assert written is not None  # it matches the empty text, too
+        code = written.group().rstrip()
         remark = line[len(code) :].strip()
         depth = len(code) - len(code.lstrip())
         if not line:

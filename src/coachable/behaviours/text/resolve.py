@@ -240,8 +240,9 @@ def _reset(
         if str(name) in assignments:
             mistakes.add(statement.place(name), f"{name} gets two values")
         expression = meaning.expression(statement, value)
-        known = expression is not None and name in draft.signals
-        assignments[str(name)] = Assignment(str(name), expression) if known else None  # type: ignore[arg-type]
+        assignments[str(name)] = None
+        if expression is not None and name in draft.signals:
+            assignments[str(name)] = Assignment(str(name), expression)
     complete = tuple(assignment for assignment in assignments.values() if assignment is not None)
     return complete if len(complete) == len(parts_of(tree)) else None
 
