@@ -9,7 +9,7 @@ from coachable.drawing.stage import SIZE
 from coachable.errors import CoachableError, MissingExtraError
 from coachable.plants.compass import CompassParameters
 from coachable.style import STANCE, SWING, phase_colours
-from coachable.viewing.animation import animate, animate_together
+from coachable.viewing.animation import animate
 from coachable.viewing.scene import Scene, SideBySide
 from coachable.viewing.walk import Walk
 
@@ -17,7 +17,7 @@ from coachable.viewing.walk import Walk
 @pytest.fixture(scope="module")
 def gif(until, phases, tmp_path_factory):
     path = tmp_path_factory.mktemp("film") / "gait.gif"
-    animate(until(2.0), path, phases)
+    animate({"": until(2.0)}, path, phases)
     return path
 
 
@@ -88,7 +88,7 @@ def test_the_camera_keeps_the_walker_in_the_picture(columns, phases):
 def test_an_mp4_has_fifty_frames_a_second(until, phases, tmp_path):
     ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="mp4 needs the [video] extra")
     path = tmp_path / "gait.mp4"
-    animate(until(1.0), path, phases)
+    animate({"": until(1.0)}, path, phases)
     frames, seconds = ffmpeg.count_frames_and_secs(str(path))
     assert frames == 50
     assert seconds == pytest.approx(1.0, abs=0.02)
@@ -97,13 +97,13 @@ def test_an_mp4_has_fifty_frames_a_second(until, phases, tmp_path):
 def test_a_place_that_cannot_be_written_to_is_named(until, phases, tmp_path):
     pytest.importorskip("imageio_ffmpeg", reason="mp4 needs the [video] extra")
     with pytest.raises(CoachableError, match="nowhere"):
-        animate(until(0.1), tmp_path / "nowhere" / "gait.mp4", phases)
+        animate({"": until(0.1)}, tmp_path / "nowhere" / "gait.mp4", phases)
 
 
 def test_without_the_extra_an_mp4_says_how_to_get_it(until, phases, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'coachable\[video\]'"):
-        animate(until(0.1), tmp_path / "gait.mp4", phases)
+        animate({"": until(0.1)}, tmp_path / "gait.mp4", phases)
 
 
 def test_walks_side_by_side_each_are_what_they_are_alone(until, phases):
@@ -127,17 +127,17 @@ def test_a_title_tells_walks_apart(until, phases):
 
 
 def test_a_film_lasts_as_long_as_its_longest_walk(until, phases, tmp_path):
-    animate_together({"short": until(0.2), "long": until(0.4)}, tmp_path / "both.gif", phases)
+    animate({"short": until(0.2), "long": until(0.4)}, tmp_path / "both.gif", phases)
     assert len(list(frames_of(tmp_path / "both.gif"))) == 10
 
 
 def test_another_suffix_is_refused(until, phases, tmp_path):
     with pytest.raises(CoachableError, match=r"\.gif or \.mp4"):
-        animate(until(0.1), tmp_path / "gait.webm", phases)
+        animate({"": until(0.1)}, tmp_path / "gait.webm", phases)
 
 
 def test_a_single_sample_and_long_legs_are_filmed(until, phases, tmp_path):
-    animate(until(0.0), tmp_path / "moment.gif", phases)
+    animate({"": until(0.0)}, tmp_path / "moment.gif", phases)
     assert len(list(frames_of(tmp_path / "moment.gif"))) == 1
-    animate(until(0.2), tmp_path / "long.gif", phases, CompassParameters(a=2.0, hip_mass=0.1))
+    animate({"": until(0.2)}, tmp_path / "long.gif", phases, CompassParameters(a=2.0, hip_mass=0.1))
     assert len(list(frames_of(tmp_path / "long.gif"))) == 5

@@ -6,7 +6,7 @@ from PIL import Image
 
 from coachable.plants.compass import CompassParameters
 from coachable.style import INK, PAGE, STANCE, SWING, phase_colours
-from coachable.viewing.strobe import strobe, strobes, write_strobe
+from coachable.viewing.strobe import strobe, write_strobe
 from coachable.viewing.walk import Walk, runs_of
 
 
@@ -24,22 +24,22 @@ def strip(figure):
 def test_a_pose_every_tenth_of_a_second_of_the_last_strides(columns, phases):
     walk = Walk.of(columns)
     start = walk.time[np.flatnonzero(walk.touched_down)[-4]]
-    figure = strobe(columns, phases, strides=3)
+    figure = strobe({"": columns}, phases, strides=3)
     assert len(legs(figure)) == 2 * (int((walk.time[-1] - start + 1e-6) / 0.1) + 1)
-    everything = strobe(columns, phases, strides=99)
+    everything = strobe({"": columns}, phases, strides=99)
     assert len(legs(everything)) == 2 * 101
 
 
 def test_the_last_pose_is_the_end_of_the_walk_in_full_colour(columns, phases):
     walk = Walk.of(columns)
-    swing, stance = legs(strobe(columns, phases))[-2:]
+    swing, stance = legs(strobe({"": columns}, phases))[-2:]
     np.testing.assert_allclose(np.asarray(swing.get_xydata()), [walk.swing_foot[-1], walk.hip[-1]])
     np.testing.assert_allclose(np.asarray(stance.get_xydata()), [walk.stance_foot[-1], walk.hip[-1]])
     assert (to_hex(swing.get_color()), to_hex(stance.get_color())) == (SWING, STANCE)
 
 
 def test_older_poses_are_fainter_and_behind(columns, phases):
-    stance = legs(strobe(columns, phases))[1::2]
+    stance = legs(strobe({"": columns}, phases))[1::2]
     brightness = [sum(to_rgb(line.get_color())) for line in stance]
     assert brightness == sorted(brightness, reverse=True)
     levels = [line.get_zorder() for line in stance]
@@ -49,7 +49,7 @@ def test_older_poses_are_fainter_and_behind(columns, phases):
 def test_the_strip_tells_the_phases_over_time(columns, phases):
     walk = Walk.of(columns)
     walk = walk.part(int(np.flatnonzero(walk.touched_down)[-3]), len(walk.time))
-    figure = strobe(columns, phases, strides=2)
+    figure = strobe({"": columns}, phases, strides=2)
     colours = phase_colours(len(phases))
     stretches = runs_of(walk.phase)
     assert [to_hex(patch.get_facecolor()) for patch in strip(figure)] == [
@@ -73,7 +73,7 @@ def test_the_strip_tells_the_phases_over_time(columns, phases):
 
 
 def test_metres_are_square_and_the_whole_walker_is_in_the_picture(columns, phases):
-    figure = strobe(columns, phases)
+    figure = strobe({"": columns}, phases)
     (axes,) = figure.axes
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     assert (right - left) / (top - bottom) == pytest.approx(np.divide(*figure.get_size_inches()))
@@ -83,7 +83,7 @@ def test_metres_are_square_and_the_whole_walker_is_in_the_picture(columns, phase
 
 
 def test_several_walks_stand_below_one_another_at_one_scale(until, phases):
-    figure = strobes({"seed 1": until(3.0), "seed 2": until(1.0)}, phases)
+    figure = strobe({"seed 1": until(3.0), "seed 2": until(1.0)}, phases)
     first, second = figure.axes
     assert np.ptp(first.get_xlim()) == pytest.approx(np.ptp(second.get_xlim()))
     assert first.get_position().y0 == pytest.approx(second.get_position().y1)
@@ -94,8 +94,8 @@ def test_several_walks_stand_below_one_another_at_one_scale(until, phases):
 def test_files_are_the_same_bytes_each_time(columns, phases, tmp_path):
     for name in ("gait.svg", "gait.png"):
         first, second = tmp_path / name, tmp_path / f"again-{name}"
-        write_strobe(columns, first, phases)
-        write_strobe(columns, second, phases)
+        write_strobe({"": columns}, first, phases)
+        write_strobe({"": columns}, second, phases)
         assert first.read_bytes() == second.read_bytes()
     with Image.open(tmp_path / "gait.png") as picture:
         assert picture.width == pytest.approx(7.16 * 200, abs=1)
@@ -107,4 +107,4 @@ def test_short_walks_and_long_legs_are_drawn(until, phases, tmp_path):
         (0.03, CompassParameters()),
         (3.0, CompassParameters(b=2.5)),
     ):
-        write_strobe(until(seconds), tmp_path / "gait.png", phases, parameters)
+        write_strobe({"": until(seconds)}, tmp_path / "gait.png", phases, parameters)

@@ -25,16 +25,6 @@ _LAST_FRAME = 1_000
 
 
 def animate(
-    trajectory: object,
-    path: Path,
-    phases: Sequence[NamedPhase],
-    parameters: CompassParameters = PAPER_PARAMETERS,
-) -> None:
-    """Write one walk as a film; see `animate_together`."""
-    animate_together({"": trajectory}, path, phases, parameters)
-
-
-def animate_together(
     trajectories: Mapping[str, object],
     path: Path,
     phases: Sequence[NamedPhase],

@@ -29,31 +29,21 @@ Colour = str | tuple[float, ...]
 
 
 def strobe(
-    trajectory: object,
-    phases: Sequence[NamedPhase],
-    parameters: CompassParameters = PAPER_PARAMETERS,
-    *,
-    strides: int = 3,
-) -> Figure:
-    """The last `strides` whole strides of a walk and what comes after them, or all of it if there are fewer.
-
-    A pose every 0.1 s, older ones fainter; the stance leg is blue and the swing leg orange, as in figure 3 of
-    the paper. The leg masses are filled on one leg and hollow on the other, so that each can be followed
-    through its steps. The strip beneath tells the phases over time, with a line at every touchdown.
-
-    **Arguments:** `trajectory` as in `Walk.of`; `phases` of the behaviour, in its order.
-    """
-    return strobes({"": trajectory}, phases, parameters, strides=strides)
-
-
-def strobes(
     trajectories: Mapping[str, object],
     phases: Sequence[NamedPhase],
     parameters: CompassParameters = PAPER_PARAMETERS,
     *,
     strides: int = 3,
 ) -> Figure:
-    """Strobe pictures of walks by title, one below another at one scale; each as in `strobe`."""
+    """Strobe pictures of walks by title, one below another at one scale.
+
+    Of each walk the last `strides` whole strides and what comes after them, or all of it if there are fewer.
+    A pose every 0.1 s, older ones fainter; the stance leg is blue and the swing leg orange, as in figure 3 of
+    the paper. The leg masses are filled on one leg and hollow on the other, so that each can be followed
+    through its steps. The strip beneath tells the phases over time, with a line at every touchdown.
+
+    **Arguments:** each trajectory as in `Walk.of`; `phases` of the behaviour, in its order.
+    """
     walks = {
         title: _last_strides(Walk.of(trajectory, parameters), strides)
         for title, trajectory in trajectories.items()
@@ -94,18 +84,6 @@ def _draw_walk(
 
 
 def write_strobe(
-    trajectory: object,
-    path: Path,
-    phases: Sequence[NamedPhase],
-    parameters: CompassParameters = PAPER_PARAMETERS,
-    *,
-    strides: int = 3,
-) -> None:
-    """Write the strobe picture of a walk as PNG, SVG or PDF, as the suffix of `path` says."""
-    write_strobes({"": trajectory}, path, phases, parameters, strides=strides)
-
-
-def write_strobes(
     trajectories: Mapping[str, object],
     path: Path,
     phases: Sequence[NamedPhase],
@@ -113,8 +91,8 @@ def write_strobes(
     *,
     strides: int = 3,
 ) -> None:
-    """Write the strobe pictures of walks by title, as `write_strobe` does for one."""
-    save(strobes(trajectories, phases, parameters, strides=strides), path)
+    """Write what `strobe` draws as PNG, SVG or PDF, as the suffix of `path` says."""
+    save(strobe(trajectories, phases, parameters, strides=strides), path)
 
 
 def _last_strides(walk: Walk, strides: int) -> Walk:

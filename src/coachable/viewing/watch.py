@@ -33,7 +33,7 @@ def draw_walks(
     """
     require_drawable(path)
     if path.suffix.lower() in PICTURES:
-        from coachable.viewing.strobe import write_strobes as write
+        from coachable.viewing.strobe import write_strobe as write
     else:
-        from coachable.viewing.animation import animate_together as write
+        from coachable.viewing.animation import animate as write
     write(trajectories, path, phases, parameters)
