@@ -14,7 +14,8 @@ import numpy as np
 from coachable.automata.classifier import Classifier
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
-from coachable.behaviours.predicates import Comparison, Predicate, conjuncts
+from coachable.behaviours.predicates import Comparison, Predicate
+from coachable.behaviours.rewriting import conjuncts
 from coachable.envs.baselines import baseline
 from coachable.rewards.phase_reward import reward_table
 

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coachable.behaviours.predicates import All, Any, Comparison, Not, Signal, holds, normal_form, signals_of
+from coachable.behaviours.predicates import All, Any, Comparison, Not, Signal, holds, signals_of
+from coachable.behaviours.rewriting import normal_form
 from coachable.errors import BehaviourError
 
 NAMES = ("x", "y", "z")

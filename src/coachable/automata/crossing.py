@@ -18,16 +18,8 @@ from coachable.behaviours.checking.comparison import Answer, State
 from coachable.behaviours.checking.encoding import State as Moment
 from coachable.behaviours.checking.smt import Question
 from coachable.behaviours.expressions import Arithmetic, Call, Number, Variable
-from coachable.behaviours.predicates import (
-    OPERATORS,
-    All,
-    Comparison,
-    Not,
-    Predicate,
-    Signal,
-    conjuncts,
-    holds,
-)
+from coachable.behaviours.predicates import OPERATORS, All, Comparison, Not, Predicate, Signal, holds
+from coachable.behaviours.rewriting import conjuncts
 from coachable.errors import BehaviourError
 from coachable.plants.compass import START, STATE_NAMES, CompassWalker
 from coachable.plants.controllers import VirtualGravity

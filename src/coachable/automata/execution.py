@@ -15,7 +15,8 @@ from jaxtyping import Array, Bool, Float
 
 from coachable.automata.hybrid import TOUCHDOWN, HybridAutomaton
 from coachable.behaviours.behaviour import Edge
-from coachable.behaviours.predicates import All, Predicate, conjuncts, holds, phrases_of
+from coachable.behaviours.predicates import All, Predicate, holds, phrases_of
+from coachable.behaviours.rewriting import conjuncts
 from coachable.plants.runge_kutta import rk4
 
 _NUM_SUBSTEPS = 4

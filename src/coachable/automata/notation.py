@@ -13,17 +13,8 @@ from coachable.behaviours.expressions import (
     Number,
     Variable,
 )
-from coachable.behaviours.predicates import (
-    All,
-    Any,
-    Between,
-    Comparison,
-    Near,
-    Not,
-    Phrase,
-    Predicate,
-    conjuncts,
-)
+from coachable.behaviours.predicates import All, Any, Between, Comparison, Near, Not, Phrase, Predicate
+from coachable.behaviours.rewriting import conjuncts
 
 _LETTERS = {
     "alpha": "α",

@@ -9,7 +9,8 @@ from coachable.automata.layout import Point
 from coachable.automata.routing import arrow_head
 from coachable.behaviours.behaviour import Behaviour, Phase
 from coachable.behaviours.expressions import Number, Variable
-from coachable.behaviours.predicates import Comparison, conjuncts
+from coachable.behaviours.predicates import Comparison
+from coachable.behaviours.rewriting import conjuncts
 from coachable.style import STANCE, SWING
 
 COLOURS = {"theta_1": STANCE, "dtheta_1": STANCE, "theta_2": SWING, "dtheta_2": SWING}

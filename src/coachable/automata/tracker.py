@@ -13,16 +13,8 @@ from jaxtyping import Bool, Float, Int
 
 from coachable.automata.classifier import Classifier, array_library, holds_at
 from coachable.behaviours.behaviour import Behaviour, Dwell, Phase
-from coachable.behaviours.predicates import (
-    All,
-    Comparison,
-    Phrase,
-    Predicate,
-    expanded,
-    holds,
-    subpredicates,
-    widened,
-)
+from coachable.behaviours.predicates import All, Comparison, Phrase, Predicate, holds, subpredicates
+from coachable.behaviours.rewriting import expanded, widened
 
 CLOCK_TOLERANCE = 1e-3
 """A dwell time is violated only by more than this share of a sample: sums of steps are not exact."""

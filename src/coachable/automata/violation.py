@@ -30,10 +30,9 @@ from coachable.behaviours.predicates import (
     Phrase,
     Predicate,
     comparisons_of,
-    conjuncts,
     holds,
-    widened,
 )
+from coachable.behaviours.rewriting import conjuncts, widened
 
 
 class Kind(enum.Enum):

@@ -17,8 +17,8 @@ from coachable.behaviours.predicates import (
     holds,
     phrases_of,
     signals_of,
-    unwrapped,
 )
+from coachable.behaviours.rewriting import unwrapped
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import BehaviourError
 

@@ -6,7 +6,7 @@ import hashlib
 import json
 
 from coachable.behaviours.behaviour import Behaviour, Dwell
-from coachable.behaviours.predicates import normal_form
+from coachable.behaviours.rewriting import normal_form
 from coachable.rewards.phase_reward import Variant, reward_table
 from coachable.rewards.setup import RewardSetup, Semantics
 

@@ -26,7 +26,7 @@ from coachable.behaviours import (
 )
 from coachable.behaviours.checking.checker import check
 from coachable.behaviours.expressions import Arithmetic, Call
-from coachable.behaviours.predicates import widened
+from coachable.behaviours.rewriting import widened
 
 X, V = Signal("x", "m"), Signal("v", "m/s", derivative_of="x")
 LOW, HIGH = Comparison("x", "<", 0), Comparison("x", ">=", 0)

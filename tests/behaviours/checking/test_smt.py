@@ -8,7 +8,7 @@ from coachable.behaviours import All, Any, Comparison, Near, Not, Number, Variab
 from coachable.behaviours.checking import smt
 from coachable.behaviours.checking.corners import without_corners
 from coachable.behaviours.expressions import Arithmetic, Call, Negative
-from coachable.behaviours.predicates import expanded
+from coachable.behaviours.rewriting import expanded
 
 X, Y = Variable("x"), Variable("y")
 

@@ -21,7 +21,8 @@ from coachable.analysis.report.walks import (
 )
 from coachable.analysis.sections import Section, sections_of
 from coachable.behaviours.expressions import Number, Variable
-from coachable.behaviours.predicates import Comparison, Predicate, conjuncts
+from coachable.behaviours.predicates import Comparison, Predicate
+from coachable.behaviours.rewriting import conjuncts
 from coachable.errors import RunFolderError
 from coachable.studies.store import Run, load_run
 

@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from coachable.behaviours.behaviour import Behaviour, Phase
 from coachable.behaviours.checking import smt
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
-from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, holds, widened
+from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, holds
+from coachable.behaviours.rewriting import widened
 
 
 def camping(behaviour: Behaviour) -> Iterator[Result]:

@@ -9,16 +9,8 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.checking import smt
 from coachable.behaviours.checking.affine import cut_of, is_affine
 from coachable.behaviours.expressions import Constant, Number, Variable, evaluate
-from coachable.behaviours.predicates import (
-    All,
-    Any,
-    Comparison,
-    Not,
-    Predicate,
-    conjuncts,
-    expanded,
-    subpredicates,
-)
+from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, subpredicates
+from coachable.behaviours.rewriting import conjuncts, expanded
 
 _MOST_CELLS = 1024
 

@@ -8,15 +8,8 @@ from dataclasses import dataclass
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.checking.smt import Question, refuted
 from coachable.behaviours.expressions import Expression
-from coachable.behaviours.predicates import (
-    All,
-    Any,
-    Comparison,
-    Not,
-    Predicate,
-    signals_of,
-    widened,
-)
+from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, signals_of
+from coachable.behaviours.rewriting import widened
 
 State = Mapping[str, float]
 

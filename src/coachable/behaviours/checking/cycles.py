@@ -18,7 +18,8 @@ from coachable.behaviours.checking.encoding import State, exact
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
 from coachable.behaviours.checking.transitions import Regions, rates_of
 from coachable.behaviours.expressions import Arithmetic
-from coachable.behaviours.predicates import OPERATORS, Comparison, expanded, subpredicates, widened
+from coachable.behaviours.predicates import OPERATORS, Comparison, subpredicates
+from coachable.behaviours.rewriting import expanded, widened
 
 Bounds = tuple[tuple[str, Fraction | None, Fraction | None], ...]
 """Signals, each with the least and the greatest rate that it has in a phase."""

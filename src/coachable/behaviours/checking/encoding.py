@@ -27,7 +27,8 @@ from coachable.behaviours.expressions import (
     Variable,
     evaluate,
 )
-from coachable.behaviours.predicates import OPERATORS, All, Any, Comparison, Not, Predicate, expanded
+from coachable.behaviours.predicates import OPERATORS, All, Any, Comparison, Not, Predicate
+from coachable.behaviours.rewriting import expanded
 
 # The solver's own annotations do not know its operators, so its terms are typed by name only.
 Formula = typing.Any

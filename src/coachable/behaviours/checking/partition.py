@@ -9,7 +9,8 @@ from coachable.behaviours.behaviour import Behaviour, Phase
 from coachable.behaviours.checking import smt
 from coachable.behaviours.checking.cells import Cells, cells_of
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
-from coachable.behaviours.predicates import Any, Not, Predicate, conjuncts
+from coachable.behaviours.predicates import Any, Not, Predicate
+from coachable.behaviours.rewriting import conjuncts
 
 _LISTED, _SHORT = 3, 5
 """How many cells are listed, and how few comparisons make a cell short enough to list so many."""

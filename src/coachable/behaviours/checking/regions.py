@@ -24,7 +24,8 @@ from coachable.behaviours.expressions import (
     Number,
     Variable,
 )
-from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, conjuncts, expanded
+from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate
+from coachable.behaviours.rewriting import conjuncts, expanded
 
 _MOST_TERMS = 64
 _NON_STRICT: Mapping[str, str] = {"<": "<=", ">": ">="}

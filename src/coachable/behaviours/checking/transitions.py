@@ -12,7 +12,8 @@ from coachable.behaviours.checking import smt
 from coachable.behaviours.checking.encoding import State, Witness
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
 from coachable.behaviours.checking.regions import Crossing, Region, region, relaxed
-from coachable.behaviours.predicates import All, Comparison, Predicate, conjuncts, expanded, widened
+from coachable.behaviours.predicates import All, Comparison, Predicate
+from coachable.behaviours.rewriting import conjuncts, expanded, widened
 
 
 def rates_of(behaviour: Behaviour) -> dict[str, str]:

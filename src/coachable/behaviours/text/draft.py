@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 from coachable.behaviours.behaviour import Edge, Phase
 from coachable.behaviours.expressions import Constant
-from coachable.behaviours.predicates import Phrase, Signal, normal_form
+from coachable.behaviours.predicates import Phrase, Signal
+from coachable.behaviours.rewriting import normal_form
 from coachable.behaviours.text.meaning import Meaning
 from coachable.behaviours.text.mirror import Mirror
 from coachable.behaviours.text.mistakes import Mistakes
