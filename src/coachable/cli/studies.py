@@ -34,6 +34,10 @@ def study(
         Literal["free", "touchdown"] | None,
         option("free|touchdown", "Whether a touchdown restarts the sample clock."),
     ] = None,
+    trainer: Annotated[
+        Literal["ppo", "sb3-ppo", "sb3-sac", "sb3-td3"] | None,
+        option("ppo|sb3-ppo|sb3-sac|sb3-td3", "Ours, or stable-baselines3's, which need the [sb3] extra."),
+    ] = None,
     steps: Annotated[int | None, option("N", "Training steps a lane.")] = None,
     seeds: Annotated[int | None, option("N", "How many seeds each setup gets.")] = None,
     setups: Annotated[
@@ -52,6 +56,7 @@ def study(
         coachable study paper --out runs/paper
         coachable study paper --semantics released-code --out runs/released
         coachable study mine.toml --setups orthant mine --seeds 5 --steps 100000
+        coachable study paper --trainer sb3-ppo --setups orthant --seeds 5 --out runs/sb3
     """
     from coachable.studies.plan import load_plan
     from coachable.studies.runner import run_study
@@ -62,6 +67,7 @@ def study(
         reward_variant=reward_variant,
         behaviour=behaviour,
         clock=clock,
+        trainer=trainer,
         steps=steps,
         seeds=seeds,
         setups=setups,

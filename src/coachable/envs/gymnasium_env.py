@@ -69,6 +69,7 @@ class CompassWalkerEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         behaviour: a `Behaviour`, or what `load_behaviour` takes; by default the semantics' compass walking.
         start_noise, start_distribution: how far from x₀ episodes start; see `Start`.
         truncate: whether the time truncates the episode rather than terminates it.
+        shared_evaluation_every: as in `make_task`; for training in `released-code` semantics.
         render_mode: `"rgb_array"`, or `"human"` for a window, which needs the [window] extra.
 
     `reset(seed=…)` begins a new run. `reset()` begins the next episode of the run, and in `released-code`
@@ -93,6 +94,7 @@ class CompassWalkerEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         start_noise: int | float | tuple[int | float, ...] | list[int | float] = 0.0,
         start_distribution: Distribution = "normal",
         truncate: bool = False,
+        shared_evaluation_every: int = 0,
         render_mode: str | None = None,
     ):
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -104,7 +106,14 @@ class CompassWalkerEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         setup = setup if isinstance(setup, RewardSetup) else paper_setup(setup)
         with jax.enable_x64(False):
             self.task = make_task(
-                setup, semantics, reward_variant, clock, parameters, self.behaviour, float(seconds)
+                setup,
+                semantics,
+                reward_variant,
+                clock,
+                parameters,
+                self.behaviour,
+                float(seconds),
+                shared_evaluation_every=shared_evaluation_every,
             )
         self.start = Start(start_noise, start_distribution)
         self.truncate = truncate

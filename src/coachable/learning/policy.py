@@ -1,37 +1,42 @@
-"""A learned controller: a network, the box that its torques are kept in, and how it is to be sampled."""
+"""A learned controller: a network, the box that its actions are kept in, and how it is to be sampled."""
 
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from coachable.errors import RunFolderError
 
-ACTIVATIONS = {"tanh": jnp.tanh}
+ACTIVATIONS = {"tanh": jnp.tanh, "relu": jax.nn.relu}
 SQUASHINGS = {"clip": jnp.clip, "tanh": lambda a, low, high: low + (high - low) * (jnp.tanh(a) + 1) / 2}
 
 
 class Policy(eqx.Module):
     """u = squash(W_n σ(… σ(W_1 x + b_1) …) + b_n): what a trained lane does when it does not explore.
 
-    `squashing` keeps the torque u in the box [low, high]: "clip" cuts the network's output, "tanh" maps
-    ℝ onto the box.
+    `squashing` keeps the action u in the box [low, high]: "clip" cuts the network's output, "tanh" maps
+    ℝ onto the box. A network that was trained on normalised observations is given (x − shift) / scale, cut
+    to ±bound, for x.
     """
 
     weights: tuple[Float[Array, "_ _"], ...]
     biases: tuple[Float[Array, "_"], ...]
     low: Float[Array, " controls"]
-    """Least torque [N m]."""
+    """Least action; of the compass walker a torque [N m]."""
     high: Float[Array, " controls"]
-    """Greatest torque [N m]."""
+    """Greatest action; of the compass walker a torque [N m]."""
+    shift: Float[Array, " state"] | None = None
+    scale: Float[Array, " state"] | None = None
     activation: str = eqx.field(static=True, default="tanh")
     squashing: str = eqx.field(static=True, default="clip")
     observation_names: tuple[str, ...] = eqx.field(static=True, default=())
     clock: str = eqx.field(static=True, default="free")
+    bound: float = eqx.field(static=True, default=10.0)
 
     def __check_init__(self) -> None:
         for name, known in (("activation", ACTIVATIONS), ("squashing", SQUASHINGS)):
@@ -41,8 +46,10 @@ class Policy(eqx.Module):
                 )
 
     def __call__(self, x: Float[Array, " state"]) -> Float[Array, " controls"]:
-        """The applied torque [N m] in state x."""
+        """The applied action in state x; of the compass walker torques [N m]."""
         activate = ACTIVATIONS[self.activation]
+        if self.scale is not None:
+            x = jnp.clip((x - self.shift) / self.scale, -self.bound, self.bound)
         *hidden, (weight, bias) = zip(self.weights, self.biases, strict=True)
         for hidden_weight, hidden_bias in hidden:
             x = activate(hidden_weight @ x + hidden_bias)
@@ -51,6 +58,8 @@ class Policy(eqx.Module):
     def tensors(self) -> dict[str, np.ndarray]:
         """The network's arrays by name, as they are written to a file."""
         named = {"low": self.low, "high": self.high}
+        if self.shift is not None and self.scale is not None:
+            named |= {"shift": self.shift, "scale": self.scale}
         for i, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True), start=1):
             named |= {f"layer_{i}.weight": weight, f"layer_{i}.bias": bias}
         return {name: np.asarray(array) for name, array in named.items()}
@@ -65,6 +74,7 @@ class Policy(eqx.Module):
             "high": np.asarray(self.high).tolist(),
             "observation_names": list(self.observation_names),
             "clock": self.clock,
+            **({} if self.scale is None else {"bound": self.bound}),
         }
 
     @classmethod
@@ -85,6 +95,14 @@ class Policy(eqx.Module):
                 squashing=description["squashing"],
                 observation_names=tuple(description["observation_names"]),
                 clock=description["clock"],
+                **(
+                    {
+                        name: jnp.asarray(tensors[name])
+                        for name in ("shift", "scale")
+                        if "bound" in description
+                    }
+                ),
+                **({"bound": description["bound"]} if "bound" in description else {}),
             )
         except (KeyError, TypeError) as error:
             raise RunFolderError(f"the policy's file lacks {error}") from error

@@ -11,18 +11,22 @@ import jax.numpy as jnp
 import numpy as np
 
 from coachable.envs.rollout import Trajectory
+from coachable.envs.walking_task import ACTION_BOX
 from coachable.errors import RunFolderError
 from coachable.learning.networks import ActorCritic
+from coachable.learning.policy import Policy
 from coachable.learning.ppo import Episodes
+from coachable.plants.compass import STATE_NAMES
 from coachable.rewards.setup import TERM_NAMES
 from coachable.studies.checkpoint import arrays_of, load_arrays, save_arrays, tree_from
 from coachable.studies.layout import evaluation_steps, lane_key
 from coachable.studies.log import Columns, Log
 from coachable.studies.plan import Lane, Study
 from coachable.studies.programs import Programs, Tasks, stacked
+from coachable.studies.results import LOGS
+from coachable.studies.store import Which
 
 SECONDS_BETWEEN_CHECKPOINTS = 30.0
-LOGS = ("episodes", "evaluations", "survival")
 
 
 class Group:
@@ -53,6 +57,11 @@ class Group:
             self._restore()
         else:
             self._evaluate_if_due()
+
+    @property
+    def num_steps(self) -> int:
+        """Training steps of each lane so far."""
+        return self.num_updates * self._study.steps_an_update
 
     @property
     def num_measured(self) -> int:
@@ -89,11 +98,21 @@ class Group:
         columns = {column: values[order] for column, values in columns.items()}
         return columns | {"lane": np.array([lane.name for lane in self.lanes])[columns["lane"]]}
 
-    def networks(self) -> Mapping[str, ActorCritic]:
+    def networks(self) -> Mapping[Which, ActorCritic]:
         """The networks, stacked over lanes: after the `last` update, and at the `best` evaluation return."""
         return {"last": self._states.networks, "best": self._best}
 
-    def trajectories(self) -> Mapping[tuple[Lane, str], Trajectory]:
+    def policies(self) -> Mapping[tuple[Lane, Which], Policy]:
+        """The last policy of every lane, and the best by evaluation return."""
+        return {
+            (lane, which): _policy(
+                jax.tree.map(lambda leaf, i=index: jnp.asarray(leaf[i]), networks), self._study
+            )
+            for which, networks in self.networks().items()
+            for index, lane in enumerate(self.lanes)
+        }
+
+    def trajectories(self) -> Mapping[tuple[Lane, Which], Trajectory]:
         """The evaluation episode of every lane with its last and with its best networks."""
         found = {}
         for which, networks in self.networks().items():
@@ -192,3 +211,14 @@ class Group:
                 "perturbed_up": np.asarray(perturbed_up)[None],
             }
         )
+
+
+def _policy(networks: ActorCritic, study: Study) -> Policy:
+    return Policy(
+        weights=tuple(weight for weight, _ in networks.policy_layers),
+        biases=tuple(bias for _, bias in networks.policy_layers),
+        low=jnp.asarray(ACTION_BOX[0], jnp.float32),
+        high=jnp.asarray(ACTION_BOX[1], jnp.float32),
+        observation_names=STATE_NAMES,
+        clock=study.clock,
+    )

@@ -43,12 +43,14 @@ def lane_key(lane: Lane) -> PRNGKeyArray:
 def evaluation_steps(study: Study) -> Mapping[int, tuple[int, ...]]:
     """After how many updates a lane is evaluated, and as which training steps those evaluations count.
 
-    Evaluation k stands for step k · `evaluate_every` ≤ `steps` and uses the weights after ⌊step / n_steps⌋
-    updates; the final one comes after the last update, at the step that has then been reached.
+    Evaluation k stands for step k · `evaluate_every` ≤ `steps` and uses the weights after
+    ⌊step / steps_an_update⌋ updates; the final one comes after the last update, at the step that has then
+    been reached.
     """
-    n_steps = study.ppo.n_steps
-    steps = {*range(study.evaluate_every, study.steps + 1, study.evaluate_every), study.num_updates * n_steps}
     schedule: dict[int, tuple[int, ...]] = {}
-    for step in sorted(steps):
-        schedule[step // n_steps] = (*schedule.get(step // n_steps, ()), step)
+    for step in sorted(
+        {*range(study.evaluate_every, study.steps + 1, study.evaluate_every), study.total_steps}
+    ):
+        update = step // study.steps_an_update
+        schedule[update] = (*schedule.get(update, ()), step)
     return schedule

@@ -40,8 +40,8 @@ def load_plan(name_or_path: str | Path, **options: Any) -> Study:
     """A study from a shipped plan or a TOML file, with options on top of it.
 
     **Arguments:** `options`, where not None, replace the file's keys (`semantics`, `reward_variant`,
-    `behaviour`, `clock`, `steps`, `evaluate_every`, `name`), `seeds` (a count, or a table with `first` and
-    `count`) and `setups` (names, of the file's setups or the paper's).
+    `behaviour`, `clock`, `trainer`, `steps`, `evaluate_every`, `name`), `seeds` (a count, or a table with
+    `first` and `count`) and `setups` (names, of the file's setups or the paper's).
 
     What neither the file nor an option says is the default; `released-code` semantics bring their own reward
     variant and behaviour unless one is said. A behaviour is a name that ships or a file, which in a plan's
@@ -114,6 +114,10 @@ def resolve(*layers: tuple[str, Mapping[str, Any]]) -> Study:
             elif key in ("plant", "ppo"):
                 kind = CompassParameters if key == "plant" else PPOConfig
                 merged[key] = merged.get(key, {}) | _table(value, _types(kind), source, key)
+            elif key == "sb3":
+                if not isinstance(value, Mapping):
+                    raise PlanError(f"{source}: sb3 must be a table of settings, got {value!r}")
+                merged[key] = merged.get(key, {}) | value
             else:
                 merged[key] = _typed(value, int if key in ("steps", "evaluate_every") else str, source, key)
     if "name" not in merged:

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol, runtime_checkable
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from safetensors.numpy import save
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.rollout import Trajectory, rollout, summary
-from coachable.envs.walking_task import ACTION_BOX, NO_BOX, make_task
+from coachable.envs.walking_task import NO_BOX, make_task
 from coachable.learning.policy import Policy
 from coachable.plants.compass import STATE_NAMES
 from coachable.plants.controllers import VirtualGravity
 from coachable.rewards.setup import TERM_NAMES
 from coachable.studies.columns import SCHEMAS, table_of
 from coachable.studies.folder import RunFolder
-from coachable.studies.group import LOGS, Group
-from coachable.studies.plan import Study
-from coachable.studies.store import BASELINE
+from coachable.studies.log import Columns
+from coachable.studies.plan import Lane, Study
+from coachable.studies.store import BASELINE, Which
+
+LOGS = ("episodes", "evaluations", "survival")
 
 
 def walk_baseline(study: Study, behaviour: Behaviour) -> tuple[dict[str, Any], Trajectory]:
@@ -47,7 +48,24 @@ def walk_baseline(study: Study, behaviour: Behaviour) -> tuple[dict[str, Any], T
         }, Trajectory.of(task, episode)
 
 
-def write_logs(folder: RunFolder, groups: Sequence[Group]) -> None:
+@runtime_checkable
+class Trained(Protocol):
+    """Lanes that were trained, or are: what came of them so far."""
+
+    def table(self, name: str) -> Columns:
+        """What was logged for `episodes`, `evaluations` or `survival`, lane by lane in order of training."""
+        ...
+
+    def policies(self) -> Mapping[tuple[Lane, Which], Policy]:
+        """The last policy of every lane, and the best by evaluation return."""
+        ...
+
+    def trajectories(self) -> Mapping[tuple[Lane, Which], Trajectory]:
+        """The evaluation episode of each of them."""
+        ...
+
+
+def write_logs(folder: RunFolder, groups: Sequence[Trained]) -> None:
     """Write what has been logged so far: episodes, evaluations, survival."""
     for name in LOGS:
         parts = [part for group in groups if (part := group.table(name))]
@@ -57,29 +75,17 @@ def write_logs(folder: RunFolder, groups: Sequence[Group]) -> None:
         folder.write_table(name, table_of(name, columns))
 
 
-def write_policies(folder: RunFolder, study: Study, groups: Sequence[Group]) -> None:
+def write_policies(folder: RunFolder, groups: Sequence[Trained]) -> None:
     """Write the last and the best policy of every lane."""
     for group in groups:
-        for which, networks in group.networks().items():
-            for index, lane in enumerate(group.lanes):
-                layers = jax.tree.map(
-                    lambda leaf, index=index: jnp.asarray(leaf[index]), networks
-                ).policy_layers
-                policy = Policy(
-                    weights=tuple(weight for weight, _ in layers),
-                    biases=tuple(bias for _, bias in layers),
-                    low=jnp.asarray(ACTION_BOX[0], jnp.float32),
-                    high=jnp.asarray(ACTION_BOX[1], jnp.float32),
-                    observation_names=STATE_NAMES,
-                    clock=study.clock,
-                )
-                stem = f"policies/{lane.name}-{which}"
-                tensors = {name: np.asarray(array, order="C") for name, array in policy.tensors().items()}
-                folder.write(f"{stem}.safetensors", save(tensors))
-                folder.write(f"{stem}.json", json.dumps(policy.description(), indent=2) + "\n")
+        for (lane, which), policy in group.policies().items():
+            stem = f"policies/{lane.name}-{which}"
+            tensors = {name: np.asarray(array, order="C") for name, array in policy.tensors().items()}
+            folder.write(f"{stem}.safetensors", save(tensors))
+            folder.write(f"{stem}.json", json.dumps(policy.description(), indent=2) + "\n")
 
 
-def write_trajectories(folder: RunFolder, baseline: Trajectory, groups: Sequence[Group]) -> None:
+def write_trajectories(folder: RunFolder, baseline: Trajectory, groups: Sequence[Trained]) -> None:
     """Write the evaluation episode of every lane with its last and its best policy, and the baseline's."""
     rows = [
         _rows(lane.name, which, t) for group in groups for (lane, which), t in group.trajectories().items()

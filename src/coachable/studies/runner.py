@@ -21,6 +21,8 @@ from coachable.studies.plan import Study, behaviour_of
 from coachable.studies.programs import Tasks, compile_programs
 from coachable.studies.progress import Report, SetupStatus, Status, progress_display
 from coachable.studies.results import walk_baseline, write_logs, write_policies, write_trajectories
+from coachable.studies.sb3_lane import require_sb3
+from coachable.studies.sb3_study import CompassLane, SB3Lane, train_with_sb3
 from coachable.studies.store import Run
 from coachable.studies.workers import take_turns
 
@@ -35,7 +37,8 @@ def run_study(
 
     However often it is stopped, and however (even with kill -9), the folder ends with the same bits in its
     tables and policies as without a stop, on one machine and with the same versions. A complete run is only
-    checked.
+    checked. Lanes of stable-baselines3, too, go on from their last checkpoint, but begin an episode there, so
+    that their bits differ.
 
     **Arguments:** `out`, the run folder, made if need be; `progress`, whether to show how it goes on stderr;
     `allow_different_layout`, whether to go on under other versions or on another machine than the run was
@@ -46,6 +49,8 @@ def run_study(
     """
     out = Path(out)
     behaviour = behaviour_of(study)
+    if study.trainer != "ppo":
+        require_sb3(study.trainer, study.sb3)
     out.mkdir(parents=True, exist_ok=True)
     with locked(out), jax.enable_x64(False):
         folder = None
@@ -56,7 +61,8 @@ def run_study(
                 return Run.open(out)
         set_up_jax()
         if folder is None:
-            widths = group_widths(len(study.lanes), num_cores())
+            ours = study.trainer == "ppo"
+            widths = group_widths(len(study.lanes), num_cores()) if ours else (1,) * len(study.lanes)
             reference, _ = walk_baseline(study, behaviour)
             folder = RunFolder.begin(out, study, behaviour, reference, widths)
         with progress_display(study.name) if progress else nullcontext(lambda status: None) as report:
@@ -72,27 +78,21 @@ def set_up_jax() -> None:
     jax.config.update("jax_cpu_enable_async_dispatch", False)
 
 
+Lanes = Sequence[Group] | Sequence[SB3Lane]
+
+
 def _train(study: Study, behaviour: Behaviour, folder: RunFolder, report: Report) -> None:
-    def tell(doing: str) -> None:
-        report(_status(doing, study, groups))
-
-    groups: list[Group] = []
-    tell("compiling")
-    workers = num_cores()
-    tasks = Tasks.of(study, behaviour)
-    programs = compile_programs(study, tasks, folder.group_widths, workers)
-    ends = accumulate(folder.group_widths, initial=0)
-    for index, (start, end) in enumerate(pairwise(ends)):
-        lanes = study.lanes[start:end]
-        groups.append(Group(study, lanes, tasks, programs[len(lanes)], folder.checkpoint(index)))
-
+    lanes: Lanes = []
+    report(_status("compiling", study, lanes))
+    lanes = (_groups if study.trainer == "ppo" else _sb3_lanes)(study, behaviour, folder)
     next_refresh = time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
 
     def watch() -> None:
         nonlocal next_refresh
-        tell("training" if any(group.num_updates < study.num_updates for group in groups) else "testing")
+        training = any(some.num_steps < study.total_steps for some in lanes)
+        report(_status("training" if training else "testing", study, lanes))
         if (began := time.monotonic()) > next_refresh:
-            write_logs(folder, groups)
+            write_logs(folder, lanes)
             folder.write_manifest()
             took = time.monotonic() - began
             next_refresh = time.monotonic() + max(
@@ -100,22 +100,43 @@ def _train(study: Study, behaviour: Behaviour, folder: RunFolder, report: Report
             )
 
     try:
-        tell("training")
-        take_turns(groups, workers, watch)
-        tell("writing")
-        write_logs(folder, groups)
-        write_policies(folder, study, groups)
-        write_trajectories(folder, walk_baseline(study, behaviour)[1], groups)
+        report(_status("training", study, lanes))
+        if study.trainer == "ppo":
+            take_turns(lanes, num_cores(), watch)
+        else:
+            train_with_sb3(lanes, watch)
+        report(_status("writing", study, lanes))
+        write_logs(folder, lanes)
+        write_policies(folder, lanes)
+        write_trajectories(folder, walk_baseline(study, behaviour)[1], lanes)
         folder.complete()
     except BaseException:
-        for group in groups:
-            group.save()
-        write_logs(folder, groups)
+        for some in lanes:
+            some.save()
+        write_logs(folder, lanes)
         folder.write_manifest("interrupted")
         raise
 
 
-def _status(doing: str, study: Study, groups: Sequence[Group]) -> Status:
+def _groups(study: Study, behaviour: Behaviour, folder: RunFolder) -> list[Group]:
+    tasks = Tasks.of(study, behaviour)
+    programs = compile_programs(study, tasks, folder.group_widths, num_cores())
+    ends = accumulate(folder.group_widths, initial=0)
+    groups = []
+    for index, (start, end) in enumerate(pairwise(ends)):
+        lanes = study.lanes[start:end]
+        groups.append(Group(study, lanes, tasks, programs[len(lanes)], folder.checkpoint(index)))
+    return groups
+
+
+def _sb3_lanes(study: Study, behaviour: Behaviour, folder: RunFolder) -> list[SB3Lane]:
+    return [
+        SB3Lane(CompassLane(study, behaviour, lane, folder.checkpoint(index)))
+        for index, lane in enumerate(study.lanes)
+    ]
+
+
+def _status(doing: str, study: Study, groups: Lanes) -> Status:
     latest = [
         (lane.setup, group.latest, i)
         for group in groups
@@ -137,8 +158,8 @@ def _status(doing: str, study: Study, groups: Sequence[Group]) -> Status:
         )
     return Status(
         doing=doing,
-        steps=sum(group.num_updates * len(group.lanes) for group in groups) * study.ppo.n_steps,
-        total_steps=study.num_updates * len(study.lanes) * study.ppo.n_steps,
+        steps=sum(group.num_steps * len(group.lanes) for group in groups),
+        total_steps=study.total_steps * len(study.lanes),
         lanes_measured=sum(group.num_measured for group in groups),
         setups=tuple(setups),
     )

@@ -20,8 +20,9 @@ CHOICES = {
     "semantics": ("paper", "released-code"),
     "reward_variant": VARIANTS,
     "clock": ("free", "touchdown"),
-    "trainer": ("ppo",),
+    "trainer": ("ppo", "sb3-ppo", "sb3-sac", "sb3-td3"),
 }
+Trainer = Literal["ppo", "sb3-ppo", "sb3-sac", "sb3-td3"]
 _NAME = re.compile(r"[A-Za-z0-9_+-]+")
 
 
@@ -54,7 +55,8 @@ class Study:
     """The described behaviour: a shipped name or a file."""
     clock: Literal["free", "touchdown"] = "free"
     """`free` samples every 0.01 s; `touchdown` restarts the sample clock at every touchdown."""
-    trainer: Literal["ppo"] = "ppo"
+    trainer: Trainer = "ppo"
+    """`ppo` is ours; the others are stable-baselines3's and need the [sb3] extra."""
     steps: int = 500_000
     """Training steps a lane, rounded up to whole rollouts."""
     evaluate_every: int = 10_000
@@ -64,6 +66,9 @@ class Study:
     setups: tuple[RewardSetup, ...] = tuple(PAPER_SETUPS.values())
     plant: CompassParameters = field(default_factory=CompassParameters)
     ppo: PPOConfig = field(default_factory=PPOConfig)
+    """Settings of `ppo`."""
+    sb3: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    """Settings of the other trainers that differ from their defaults; see `learning.sb3.Learner`."""
 
     def __post_init__(self) -> None:
         check_choices(vars(self))
@@ -80,11 +85,30 @@ class Study:
                 raise PlanError(f"{name!r} must be made of letters, digits, '+', '-' and '_': it names files")
         if repeated := sorted({name for name in names if names.count(name) > 1}):
             raise PlanError(f"the setup {repeated[0]!r} is there more than once")
+        if self.trainer == "ppo" and self.sb3:
+            raise PlanError(
+                "the table sb3 is for the trainers sb3-…; the settings of ppo are in the table ppo"
+            )
+        if type(self.steps_an_update) is not int or self.steps_an_update < 1:
+            raise PlanError(f"updates must be whole steps apart, got {self.steps_an_update!r}")
+
+    @property
+    def steps_an_update(self) -> int:
+        """Training steps between two moments at which a lane's weights change."""
+        if self.trainer == "ppo":
+            return self.ppo.n_steps
+        name, default = ("n_steps", 2048) if self.trainer == "sb3-ppo" else ("train_freq", 1)
+        return self.sb3.get(name, default)
 
     @property
     def num_updates(self) -> int:
-        """PPO updates a lane: whole rollouts that cover `steps`, as stable-baselines3 counts."""
-        return -(-self.steps // self.ppo.n_steps)
+        """Updates a lane: whole rollouts that cover `steps`, as stable-baselines3 counts."""
+        return -(-self.steps // self.steps_an_update)
+
+    @property
+    def total_steps(self) -> int:
+        """Training steps a lane: `steps` rounded up to whole updates."""
+        return self.num_updates * self.steps_an_update
 
     @property
     def seeds(self) -> range:
@@ -125,7 +149,7 @@ class Study:
                 name: {k: v for k, v in weights.items() if k != "name"} for name, weights in setups.items()
             },
             "plant": dataclasses.asdict(self.plant),
-            "ppo": dataclasses.asdict(self.ppo),
+            **({"ppo": dataclasses.asdict(self.ppo)} if self.trainer == "ppo" else {"sb3": dict(self.sb3)}),
         }
 
 

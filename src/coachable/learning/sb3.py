@@ -1,0 +1,262 @@
+"""Training by stable-baselines3: any environment with boxes for observations and actions. Needs [sb3]."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import gymnasium
+import jax.numpy as jnp
+import numpy as np
+import torch
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+from coachable.behaviours.suggestion import suggestion
+from coachable.errors import PlanError
+from coachable.learning.policy import Policy
+
+ALGORITHMS = {"sb3-ppo": PPO, "sb3-sac": SAC, "sb3-td3": TD3}
+ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
+OUR_SETTINGS = ("normalize", "noise_std")
+"""Settings that are no argument of an algorithm; they are called as in rl-baselines3-zoo."""
+_NOT_SETTINGS = {"self", "policy", "env", "seed", "device", "verbose", "tensorboard_log", "_init_setup_model"}
+_BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+
+
+def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
+    """**Raises:** `PlanError` for a setting that the trainer does not have, with the nearest one it has."""
+    known = {*inspect.signature(ALGORITHMS[trainer].__init__).parameters} - _NOT_SETTINGS
+    known |= {*OUR_SETTINGS} - ({"noise_std"} if trainer == "sb3-ppo" else set())
+    for name, value in settings.items():
+        if name not in known:
+            raise PlanError(f"{trainer} has no setting {name!r}; {suggestion(name, known)}")
+        if name == "policy_kwargs" and (activation := value.get("activation_fn", "tanh")) not in ACTIVATIONS:
+            raise PlanError(
+                f"policy_kwargs.activation_fn = {activation!r}; {suggestion(str(activation), ACTIVATIONS)}"
+            )
+
+
+class Learner:
+    """One lane: an algorithm with its environment, its networks, and all that a checkpoint has to hold.
+
+    One environment, on the CPU, in one thread: cores are kept busy by lanes side by side.
+
+    **Arguments:**
+        trainer: a key of `ALGORITHMS`.
+        env: observations are a row of numbers, actions a bounded one.
+        settings: arguments of the algorithm that differ from its defaults, and `normalize`, for running
+            means and deviations of observations and returns (`VecNormalize`); `noise_std`, for normal noise
+            on actions in [−1, 1]; `policy_kwargs.activation_fn`, by its name.
+        seed: for the networks, the sampling and the environment.
+
+    **Raises:** `PlanError` for spaces or settings that the algorithm cannot work with.
+    """
+
+    def __init__(self, trainer: str, env: gymnasium.Env, settings: Mapping[str, Any], seed: int):
+        check_settings(trainer, settings)
+        _require_boxes(env)
+        torch.set_num_threads(1)
+        settings = dict(settings)
+        vector_env: Any = DummyVecEnv([lambda: env])
+        if settings.pop("normalize", False):
+            vector_env = VecNormalize(vector_env, gamma=settings.get("gamma", 0.99))
+        if noise := settings.pop("noise_std", 0.0):
+            size = env.action_space.shape
+            settings["action_noise"] = NormalActionNoise(np.zeros(size), np.full(size, float(noise)))
+        if "policy_kwargs" in settings:
+            settings["policy_kwargs"] = _policy_arguments(settings["policy_kwargs"])
+        algorithm = ALGORITHMS[trainer]
+        try:
+            self._model = algorithm("MlpPolicy", vector_env, seed=seed, device="cpu", verbose=0, **settings)
+        except (TypeError, ValueError, AssertionError) as error:
+            raise PlanError(f"{trainer} does not take these settings: {error}") from None
+        self._env, self._seed = env, seed
+        self._begun = False
+
+    @property
+    def num_steps(self) -> int:
+        """Steps of the environment so far."""
+        return self._model.num_timesteps
+
+    @property
+    def steps_an_update(self) -> int:
+        """How many steps pass between two moments at which the weights change."""
+        if isinstance(self._model, OnPolicyAlgorithm):
+            return self._model.n_steps
+        return 1
+
+    def learn(self, num_steps: int, between: Callable[[], None]) -> None:
+        """Go on until there were this many steps, rounded up to whole updates.
+
+        `between` is called whenever an update is over and the next rollout has not begun, and at the end:
+        then, and only then, `arrays` is consistent.
+        """
+        left = num_steps - self.num_steps
+        if left > 0:
+            # What the algorithm takes for the total tells its schedules how far it is.
+            self._model.learn(left, _Between(between), log_interval=None, reset_num_timesteps=not self._begun)
+            self._begun = True
+        between()
+
+    def policy(self, names: tuple[str, ...] = (), clock: str = "free") -> Policy:
+        """What it does when it does not explore."""
+        model = self._model
+        if isinstance(model, OnPolicyAlgorithm):
+            network = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]  # pyright: ignore
+            squashing = "clip"
+        elif isinstance(model, SAC):
+            network, squashing = [*model.actor.latent_pi, model.actor.mu], "tanh"
+        else:
+            network, squashing = [*model.actor.mu][:-1], "tanh"  # pyright: ignore[reportAttributeAccessIssue]
+        linear = [part for part in network if isinstance(part, torch.nn.Linear)]
+        kinds = {type(part) for part in network} - {torch.nn.Linear}
+        box = model.action_space
+        return Policy(
+            weights=tuple(jnp.asarray(_array(part.weight)) for part in linear),
+            biases=tuple(jnp.asarray(_array(part.bias)) for part in linear),
+            low=jnp.asarray(box.low, jnp.float32),  # pyright: ignore[reportAttributeAccessIssue]
+            high=jnp.asarray(box.high, jnp.float32),  # pyright: ignore[reportAttributeAccessIssue]
+            activation=next(name for name, kind in ACTIVATIONS.items() if kind in kinds),
+            squashing=squashing,
+            observation_names=names,
+            clock=clock,
+            **self._scaling(),
+        )
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All that has to be kept for going on: networks, optimisers, replay buffer, random generators.
+
+        The episode under way is not among it: who goes on begins another one.
+        """
+        model = self._model
+        found = {"num_steps": np.array(model.num_timesteps)}
+        for part, state in model.get_parameters().items():
+            found |= {f"{part}/{name}": value for name, value in _flat(state).items()}
+        if (log_ent_coef := getattr(model, "log_ent_coef", None)) is not None:
+            found["log_ent_coef"] = _array(log_ent_coef)
+        if (updates := getattr(model, "_n_updates", None)) is not None:
+            found["n_updates"] = np.array(updates)
+        if (buffer := getattr(model, "replay_buffer", None)) is not None:
+            found |= {f"buffer/{name}": getattr(buffer, name)[: buffer.size()] for name in _BUFFER}
+            found["buffer/position"] = np.array(buffer.pos)
+        if (normaliser := model.get_vec_normalize_env()) is not None:
+            for name, statistics in (("observations", normaliser.obs_rms), ("returns", normaliser.ret_rms)):
+                for moment in ("mean", "var", "count"):
+                    found[f"{name}_{moment}"] = np.array(getattr(statistics, moment), np.float64)
+        _, keys, position, has_gauss, gauss = np.random.get_state()
+        found |= {
+            "torch_random": torch.get_rng_state().numpy(),
+            "numpy_random": np.asarray(keys),
+            "numpy_random_rest": np.array([position, has_gauss, gauss], np.float64),
+        }
+        return {name: np.array(value, order="C") for name, value in found.items()}
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Be what it was when `arrays` gave this.
+
+        **Raises:** `KeyError` if something is not there.
+        """
+        model = self._model
+        model.num_timesteps = int(arrays["num_steps"])
+        parameters = model.get_parameters()
+        for part, state in parameters.items():
+            prefix = f"{part}/"
+            kept = {name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)}
+            _unflatten(state, kept)
+        model.set_parameters(parameters)
+        with torch.no_grad():
+            if (log_ent_coef := getattr(model, "log_ent_coef", None)) is not None:
+                log_ent_coef.copy_(torch.from_numpy(arrays["log_ent_coef"]))
+        model._n_updates = int(arrays["n_updates"])
+        if (buffer := getattr(model, "replay_buffer", None)) is not None:
+            for name in _BUFFER:
+                kept = arrays[f"buffer/{name}"]
+                getattr(buffer, name)[: len(kept)] = kept
+            buffer.pos = int(arrays["buffer/position"])
+            buffer.full = len(arrays["buffer/rewards"]) == buffer.buffer_size
+        if (normaliser := model.get_vec_normalize_env()) is not None:
+            for name, statistics in (("observations", normaliser.obs_rms), ("returns", normaliser.ret_rms)):
+                for moment in ("mean", "var", "count"):
+                    setattr(statistics, moment, arrays[f"{name}_{moment}"])
+        torch.set_rng_state(torch.from_numpy(arrays["torch_random"]))
+        position, has_gauss, gauss = arrays["numpy_random_rest"]
+        np.random.set_state(("MT19937", arrays["numpy_random"], int(position), int(has_gauss), float(gauss)))
+        # Else the episodes, and the random actions, of the run's beginning would come once more.
+        model.env.seed((self._seed + model.num_timesteps) % 2**31)  # pyright: ignore[reportOptionalMemberAccess]
+        model.action_space.seed((self._seed + model.num_timesteps) % 2**31)
+        self._begun = True
+
+    def _scaling(self) -> dict[str, Any]:
+        normaliser = self._model.get_vec_normalize_env()
+        if normaliser is None:
+            return {}
+        statistics = normaliser.obs_rms
+        return {
+            "shift": jnp.asarray(statistics.mean, jnp.float32),  # pyright: ignore
+            "scale": jnp.asarray(np.sqrt(statistics.var + normaliser.epsilon), jnp.float32),  # pyright: ignore
+            "bound": float(normaliser.clip_obs),
+        }
+
+
+class _Between(BaseCallback):
+    """Calls back before every rollout."""
+
+    def __init__(self, between: Callable[[], None]):
+        super().__init__()
+        self._between = between
+
+    def _on_rollout_start(self) -> None:
+        self._between()
+
+    def _on_step(self) -> bool:
+        return True
+
+
+def _require_boxes(env: gymnasium.Env) -> None:
+    observations, actions = env.observation_space, env.action_space
+    if not isinstance(observations, gymnasium.spaces.Box) or len(observations.shape) != 1:
+        raise PlanError(
+            f"observations must be a row of numbers, but they are {observations}; put "
+            "gymnasium.wrappers.FlattenObservation around the environment"
+        )
+    if not isinstance(actions, gymnasium.spaces.Box) or len(actions.shape) != 1:
+        raise PlanError(f"actions must be a row of numbers within bounds, but they are {actions}")
+
+
+def _policy_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    given = dict(arguments)
+    if "activation_fn" in given:
+        given["activation_fn"] = ACTIVATIONS[given["activation_fn"]]
+    return given
+
+
+def _array(tensor: torch.Tensor) -> np.ndarray:
+    return tensor.detach().numpy().copy()
+
+
+def _flat(state: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """The tensors of a module's state, or of an optimiser's: there its settings are left out."""
+    if "param_groups" not in state:
+        return {name: _array(tensor) for name, tensor in state.items()}
+    return {
+        f"{index}/{name}": _array(tensor)
+        for index, tensors in state["state"].items()
+        for name, tensor in tensors.items()
+    }
+
+
+def _unflatten(state: dict[str, Any], kept: Mapping[str, np.ndarray]) -> None:
+    """Put what `_flat` took out of a state back into one like it."""
+    if "param_groups" not in state:
+        for name in state:
+            state[name] = torch.from_numpy(kept[name].copy())
+        return
+    state["state"] = {}
+    for path, array in kept.items():
+        index, _, name = path.partition("/")
+        state["state"].setdefault(int(index), {})[name] = torch.from_numpy(array.copy())
