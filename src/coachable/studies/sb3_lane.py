@@ -37,6 +37,8 @@ def require_sb3(trainer: str, settings: Mapping[str, Any]) -> None:
 class EpisodeLog(gymnasium.Wrapper):
     """Keeps the return, the length and the end of every episode, and sums of what its infos tell.
 
+    Infos go no further: stable-baselines3 reads none of ours, but copies each of them deeply.
+
     **Arguments:** `sums_of`: from an info to numbers by name, which are added up over an episode.
     """
 
@@ -50,7 +52,8 @@ class EpisodeLog(gymnasium.Wrapper):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
         """Begin an episode; one that has not ended is forgotten."""
         self._begin()
-        return self.env.reset(seed=seed, options=options)
+        observation, _ = self.env.reset(seed=seed, options=options)
+        return observation, {}
 
     def step(self, action: Any) -> Any:
         """One step, counted."""
@@ -65,7 +68,7 @@ class EpisodeLog(gymnasium.Wrapper):
             episode = {"end_step": self.num_steps, "return": self._return, "length": self._length}
             row = {**episode, "fell": bool(fell), **self._sums}
             self.log.add({name: np.array([value]) for name, value in row.items()})
-        return observation, reward, terminated, truncated, info
+        return observation, reward, terminated, truncated, {}
 
     def _begin(self) -> None:
         self._return, self._length = 0.0, 0
