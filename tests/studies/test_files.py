@@ -49,11 +49,11 @@ def test_a_missing_and_a_changed_file_are_named(tmp_path):
 
 def test_a_table_comes_back_with_its_types_and_units(tmp_path):
     path, schema = tmp_path / "survival.parquet", SCHEMAS["survival"]
-    data = table_bytes(table_of("survival", SURVIVAL))
+    data = table_bytes(table_of(SCHEMAS["survival"], SURVIVAL))
     table = table_from(data, path, schema)
     assert table.to_pydict() == SURVIVAL
     assert table.schema.equals(schema, check_metadata=True)
-    assert table_bytes(table_of("survival", SURVIVAL)) == data
+    assert table_bytes(table_of(SCHEMAS["survival"], SURVIVAL)) == data
     with pytest.raises(RunFolderError, match=r"survival\.parquet is damaged"):
         table_from(data[: len(data) // 2], path, schema)
     with pytest.raises(RunFolderError, match=r"survival\.parquet lacks the column 'step'"):

@@ -8,8 +8,8 @@ from rich.console import Console
 from coachable.studies import progress
 from coachable.studies.progress import SetupStatus, Status, progress_display
 
-NOTHING = SetupStatus("sparse", 15, 0, 0, float("nan"))
-WALKING = SetupStatus("orthant", 15, 15, 12, 6.4321)
+NOTHING = SetupStatus("sparse", 15, 0, 0, "")
+WALKING = SetupStatus("orthant", 15, 15, 12, "6.43 m")
 
 
 def status(doing, steps, *setups, measured=0):

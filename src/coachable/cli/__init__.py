@@ -11,11 +11,12 @@ import tyro
 
 import coachable
 from coachable.behaviours.suggestion import suggestion
-from coachable.cli import descriptions, studies, walks
+from coachable.cli import descriptions, studies, training, walks
 from coachable.errors import CoachableError
 
 COMMANDS = {
     "study": studies.study,
+    "train": training.train,
     "table": studies.table,
     "report": studies.report,
     "watch": walks.watch,
@@ -46,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(2)
     except KeyboardInterrupt:
         goes_on = f" Nothing is lost; go on with:\n  {shlex.join(['coachable', *arguments])}"
-        print("\nStopped." + (goes_on if arguments[:1] == ["study"] else ""), file=sys.stderr)
+        print("\nStopped." + (goes_on if arguments[:1] in (["study"], ["train"]) else ""), file=sys.stderr)
         sys.exit(130)
 
 

@@ -91,9 +91,14 @@ def table(
     from coachable.analysis.figures import draw_figures
     from coachable.analysis.measurements import measure
     from coachable.analysis.table import print_table, write_markdown
-    from coachable.studies.store import load_run
+    from coachable.analysis.training_table import tell_training
+    from coachable.studies.store import TrainingRun, open_run
 
-    measured = measure(load_run(run))
+    opened = open_run(run)
+    if isinstance(opened, TrainingRun):
+        tell_training(opened, out or run)
+        return
+    measured = measure(opened)
     print_table(measured)
     folder = out or run
     for path in (*draw_figures(measured, folder), write_markdown(measured, folder)):

@@ -41,6 +41,7 @@ def watch(
         coachable watch runs/paper --setup sparse --seed 1 2 3 --which best -o gaits.mp4
         coachable watch runs/paper --setup sparse -o gait.png
         coachable watch virtual-gravity -o gait.gif
+        coachable watch runs/walker2d --setup described --seed 0 1 -o walker2d.gif
     """
     from coachable.viewing.watch import draw_walks, require_drawable
 
@@ -52,11 +53,19 @@ def watch(
         walks = [walk_of_baseline(run, semantics, seconds)]
         who = walks[0].title
     else:
-        from coachable.studies.store import load_run
+        from coachable.studies.store import TrainingRun, open_run
 
-        opened = load_run(run)
+        opened = open_run(run)
         setup = setup or opened.plan.setups[0].name
         seeds = dict.fromkeys(seed or (opened.plan.first_seed,))
+        if isinstance(opened, TrainingRun):
+            from coachable.studies.training_walks import rendered_walk
+            from coachable.viewing.rendered import draw_rendered
+
+            rendered = [rendered_walk(opened, setup, number, which, seconds) for number in seeds]
+            draw_rendered(rendered, out, opened.behaviour.phases)
+            print(f"{out}: {opened.plan.env}, {setup}, seed {', '.join(map(str, seeds))}, {which} policy")
+            return
         walks = [walk_of_lane(opened, setup, number, which, seconds) for number in seeds]
         who = f"{setup}, seed{'s' * (len(walks) > 1)} {', '.join(map(str, seeds))}, {which} policy"
     titles = [walk.title if len(walks) > 1 else "" for walk in walks]

@@ -48,7 +48,7 @@ class Policy(eqx.Module):
     def __call__(self, x: Float[Array, " state"]) -> Float[Array, " controls"]:
         """The applied action in state x; of the compass walker torques [N m]."""
         activate = ACTIVATIONS[self.activation]
-        if self.scale is not None:
+        if self.shift is not None and self.scale is not None:
             x = jnp.clip((x - self.shift) / self.scale, -self.bound, self.bound)
         *hidden, (weight, bias) = zip(self.weights, self.biases, strict=True)
         for hidden_weight, hidden_bias in hidden:

@@ -59,14 +59,14 @@ class Learner:
 
     def __init__(self, trainer: str, env: gymnasium.Env, settings: Mapping[str, Any], seed: int):
         check_settings(trainer, settings)
-        _require_boxes(env)
+        require_boxes(env)
         torch.set_num_threads(1)
         settings = dict(settings)
         vector_env: Any = DummyVecEnv([lambda: env])
         if settings.pop("normalize", False):
             vector_env = VecNormalize(vector_env, gamma=settings.get("gamma", 0.99))
         if noise := settings.pop("noise_std", 0.0):
-            size = env.action_space.shape
+            size = env.action_space.shape or ()
             settings["action_noise"] = NormalActionNoise(np.zeros(size), np.full(size, float(noise)))
         if "policy_kwargs" in settings:
             settings["policy_kwargs"] = _policy_arguments(settings["policy_kwargs"])
@@ -217,7 +217,8 @@ class _Between(BaseCallback):
         return True
 
 
-def _require_boxes(env: gymnasium.Env) -> None:
+def require_boxes(env: gymnasium.Env) -> None:
+    """**Raises:** `PlanError` for observations or actions that the algorithms cannot work with."""
     observations, actions = env.observation_space, env.action_space
     if not isinstance(observations, gymnasium.spaces.Box) or len(observations.shape) != 1:
         raise PlanError(

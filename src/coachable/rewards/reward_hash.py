@@ -19,11 +19,16 @@ def reward_hash(behaviour: Behaviour, variant: Variant, semantics: Semantics, se
     units, phrases, the setup's name and the events on edges pay nothing and leave it unchanged. It is the
     same on every machine and in every run.
     """
+    weights = [repr(weight + 0.0) for weight in setup.weights]
+    return hash_of_paid(behaviour, variant, semantics=semantics, weights=weights)
+
+
+def hash_of_paid(behaviour: Behaviour, variant: Variant, **also: object) -> str:
+    """The same for a reward that is described by its behaviour, its table and what `also` tells."""
     paid: dict[str, object] = {
         "orthant_table": reward_table(behaviour, variant).tolist(),
         "phases": [str(normal_form(phase.predicate)) for phase in behaviour.phases],
-        "semantics": semantics,
-        "weights": [repr(weight + 0.0) for weight in setup.weights],
+        **also,
     }
     if any(phase.dwell not in (None, Dwell()) for phase in behaviour.phases):
         paid["dwells"] = [_times(phase.dwell or Dwell()) for phase in behaviour.phases]

@@ -68,8 +68,35 @@ in `trajectories` what the step that began at `t` paid. `phase` counts the behav
 all of them is their number.
 """
 
+_PAID = (
+    ("return", pa.float32(), ""),
+    ("environment", pa.float32(), ""),
+    ("behaviour", pa.float32(), ""),
+    ("length", pa.int32(), ""),
+    ("fell", pa.bool_(), ""),
+    ("share_in_cycle", pa.float32(), ""),
+)
+TRAINING_SCHEMAS: Mapping[str, pa.Schema] = MappingProxyType(
+    {
+        "episodes": _columns(_LANE, ("end_step", pa.int64(), ""), *_PAID),
+        "evaluations": _columns(
+            _LANE,
+            ("step", pa.int64(), ""),
+            ("episode", pa.int32(), ""),
+            *_PAID,
+            ("distance", pa.float32(), "m"),
+        ),
+    }
+)
+"""The tables of a training in somebody's environment, one row an episode.
 
-def table_of(name: str, columns: Mapping[str, np.ndarray | list]) -> pa.Table:
-    """The table of this name from its columns, in the schema's order."""
-    schema = SCHEMAS[name]
+`return` is what the lane was trained for; `environment` what the environment itself paid; `behaviour` what
+the described reward came to, with its weight. `fell` says that the episode terminated, and was not cut off.
+`share_in_cycle` is the share of steps in a phase; `distance` how far `x_position` in the infos moved, NaN
+where they have none.
+"""
+
+
+def table_of(schema: pa.Schema, columns: Mapping[str, np.ndarray | list]) -> pa.Table:
+    """A table from its columns, in the schema's order."""
     return pa.table([pa.array(columns[field.name], field.type) for field in schema], schema=schema)

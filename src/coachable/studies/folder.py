@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,13 @@ from coachable.automata.draw import automaton_svg
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.text.printer import to_text
 from coachable.errors import RunFolderError
-from coachable.rewards.reward_hash import reward_hash
+from coachable.rewards.reward_hash import hash_of_paid, reward_hash
 from coachable.studies.columns import FORMAT_VERSION, SCHEMAS
 from coachable.studies.environment import environment, environment_differences
 from coachable.studies.files import hash_of, read_bytes, table_bytes, write_atomic
 from coachable.studies.plan import Study, differences
-from coachable.studies.store import Run
+from coachable.studies.store import Run, TrainingRun
+from coachable.studies.training import Training
 
 _FIRST_FILES = ("plan.toml", "behaviour.behaviour", "automaton.svg")
 
@@ -41,12 +42,15 @@ class RunFolder:
     @staticmethod
     def begin(
         path: Path,
-        study: Study,
+        plan: Study | Training,
         behaviour: Behaviour,
-        baseline: Mapping[str, Any],
         group_widths: tuple[int, ...],
+        **about: Any,
     ) -> RunFolder:
-        """A new run folder. **Raises:** `RunFolderError` if other files are there."""
+        """A new run folder, with what it is `about` in its manifest.
+
+        **Raises:** `RunFolderError` if other files are there.
+        """
         others = [
             entry.name
             for entry in path.iterdir()
@@ -65,22 +69,27 @@ class RunFolder:
                 **environment(),
                 "device_layout": {"group_widths": list(group_widths)},
                 "resumed_under": [],
-                "reward_hashes": _reward_hashes(study, behaviour),
-                "baseline": dict(baseline),
+                "reward_hashes": _reward_hashes(plan, behaviour),
+                **about,
                 "wall_seconds": 0.0,
                 "cpu_seconds": 0.0,
                 "files": {},
             },
         )
         folder.make_folders()
-        folder.write("plan.toml", study.to_toml())
+        folder.write("plan.toml", plan.to_toml())
         folder.write("behaviour.behaviour", to_text(behaviour))
         folder.write("automaton.svg", automaton_svg(behaviour))
         folder.write_manifest()
         return folder
 
     @staticmethod
-    def resume(run: Run, study: Study, behaviour: Behaviour, allow_different_layout: bool) -> RunFolder:
+    def resume(
+        run: Run | TrainingRun,
+        plan: Study | Training,
+        behaviour: Behaviour,
+        allow_different_layout: bool = False,
+    ) -> RunFolder:
         """The folder of a run that is to go on. A complete one is checked file by file.
 
         **Raises:** `RunFolderError` if it belongs to another plan or behaviour, showing the difference; if a
@@ -90,15 +99,15 @@ class RunFolder:
         path, manifest = run.path, dict(run.manifest)
         same = run.behaviour == behaviour
         # The text counts, not where it lies.
-        if changed := differences(run.plan, replace(study, behaviour=run.plan.behaviour) if same else study):
+        if changed := differences(run.plan, replace(plan, behaviour=run.plan.behaviour) if same else plan):
             raise RunFolderError(
                 f"{path} belongs to another plan. Its plan → this one:\n  "
                 + "\n  ".join(changed)
                 + "\nName another folder with --out, or give the plan it belongs to"
             )
-        if not same or manifest["reward_hashes"] != _reward_hashes(study, behaviour):
+        if not same or manifest["reward_hashes"] != _reward_hashes(plan, behaviour):
             raise RunFolderError(
-                f"{path} was begun with another description of {study.behaviour!r}; "
+                f"{path} was begun with another description of {plan.behaviour!r}; "
                 "name another folder with --out"
             )
         folder = RunFolder(path, manifest)
@@ -154,9 +163,9 @@ class RunFolder:
             self.manifest["status"] = status
         self.write("manifest.json", json.dumps(self.manifest, indent=2, ensure_ascii=False) + "\n")
 
-    def complete(self) -> None:
+    def complete(self, tables: Iterable[str] = SCHEMAS) -> None:
         """Say that everything is there, with the hash of every file; checkpoints are no longer needed."""
-        names = [*_FIRST_FILES, *(f"{name}.parquet" for name in SCHEMAS)]
+        names = [*_FIRST_FILES, *(f"{name}.parquet" for name in tables)]
         names += sorted(f"policies/{path.name}" for path in (self.path / "policies").iterdir())
         self.manifest["files"] = {name: hash_of(read_bytes(self.path / name)) for name in names}
         self.write_manifest("complete")
@@ -167,8 +176,19 @@ class RunFolder:
         shutil.rmtree(self.path / "checkpoints", ignore_errors=True)
 
 
-def _reward_hashes(study: Study, behaviour: Behaviour) -> dict[str, str]:
+def _reward_hashes(plan: Study | Training, behaviour: Behaviour) -> dict[str, str]:
+    if isinstance(plan, Study):
+        variant, semantics = plan.reward_variant, plan.semantics
+        return {setup.name: reward_hash(behaviour, variant, semantics, setup) for setup in plan.setups}
     return {
-        setup.name: reward_hash(behaviour, study.reward_variant, study.semantics, setup)
-        for setup in study.setups
+        setup.name: hash_of_paid(
+            behaviour,
+            setup.reward_variant,
+            weight=repr(setup.weight + 0.0),
+            replace=setup.replace,
+            terms={name: repr(weight + 0.0) for name, weight in sorted(setup.terms.items())},
+            cycle_bonus=repr(setup.cycle_bonus + 0.0),
+            signals=dict(sorted(plan.signals.items())),
+        )
+        for setup in plan.setups
     }

@@ -11,6 +11,7 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from coachable.errors import CoachableError, RunFolderError
@@ -65,7 +66,7 @@ def run_lanes(
     `RuntimeError` with the other process's traceback for anything else.
     """
     waiting = deque(enumerate(works))
-    running: dict[Connection, tuple[int, multiprocessing.process.BaseProcess]] = {}
+    running: dict[Connection, tuple[int, BaseProcess]] = {}
     context = multiprocessing.get_context("spawn")
     try:
         while waiting or running:

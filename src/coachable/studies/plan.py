@@ -17,6 +17,7 @@ from coachable.errors import CoachableError, PlanError
 from coachable.learning.config import PPOConfig
 from coachable.plants.compass import STATE_NAMES, CompassParameters
 from coachable.rewards.setup import PAPER_SETUPS, RewardSetup
+from coachable.studies.plan_data import seeds, table, typed, types
 from coachable.studies.study import Lane as Lane
 from coachable.studies.study import Study as Study
 from coachable.studies.study import check_choices
@@ -109,17 +110,17 @@ def resolve(*layers: tuple[str, Mapping[str, Any]]) -> Study:
                 setups = _setups(value, source, setups)
             elif key == "seeds":
                 merged |= {
-                    f"{k}_seed" if k == "first" else "num_seeds": v for k, v in _seeds(value, source).items()
+                    f"{k}_seed" if k == "first" else "num_seeds": v for k, v in seeds(value, source).items()
                 }
             elif key in ("plant", "ppo"):
                 kind = CompassParameters if key == "plant" else PPOConfig
-                merged[key] = merged.get(key, {}) | _table(value, _types(kind), source, key)
+                merged[key] = merged.get(key, {}) | table(value, types(kind), source, key)
             elif key == "sb3":
                 if not isinstance(value, Mapping):
                     raise PlanError(f"{source}: sb3 must be a table of settings, got {value!r}")
                 merged[key] = merged.get(key, {}) | value
             else:
-                merged[key] = _typed(value, int if key in ("steps", "evaluate_every") else str, source, key)
+                merged[key] = typed(value, int if key in ("steps", "evaluate_every") else str, source, key)
     if "name" not in merged:
         raise PlanError(f'{layers[0][0]}: the plan has no name; add a line such as name = "mine"')
     sources = " with ".join(source for source, data in layers if data)
@@ -151,39 +152,10 @@ def _setups(value: Any, source: str, below: tuple[RewardSetup, ...]) -> tuple[Re
 
 
 def _setup(name: str, weights: Any, source: str) -> RewardSetup:
-    said = _table(weights, _types(RewardSetup), source, f"setups.{name}")
+    said = table(weights, types(RewardSetup), source, f"setups.{name}")
     try:
         if name in PAPER_SETUPS:
             return dataclasses.replace(PAPER_SETUPS[name], **said)
         return RewardSetup(name=name, **said)
     except CoachableError as error:
         raise PlanError(f"{source}: setups.{name}: {error}") from None
-
-
-def _seeds(value: Any, source: str) -> dict[str, int]:
-    return _table(value, {"first": int, "count": int}, source, "seeds")
-
-
-def _types(kind: type) -> dict[str, type]:
-    """The keys a table for this dataclass may have, with the type of each: that of its default."""
-    return {field.name: type(field.default) for field in fields(kind) if field.name != "name"}
-
-
-def _table(value: Any, types: Mapping[str, type], source: str, key: str) -> dict[str, Any]:
-    if not isinstance(value, Mapping):
-        raise PlanError(f"{source}: {key} must be a table of {', '.join(types)}, got {value!r}")
-    for name in value:
-        if name not in types:
-            raise PlanError(f"{source}: unknown key {f'{key}.{name}'!r}; {suggestion(name, types)}")
-    return {name: _typed(item, types[name], source, f"{key}.{name}") for name, item in value.items()}
-
-
-def _typed(value: Any, kind: type, source: str, key: str) -> Any:
-    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    if kind is tuple and isinstance(value, list | tuple):
-        return tuple(value)
-    if type(value) is kind:
-        return value
-    word = {float: "a number", int: "a whole number", str: "text", tuple: "a list"}[kind]
-    raise PlanError(f"{source}: {key} must be {word}, got {value!r}")

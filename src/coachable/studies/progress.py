@@ -26,13 +26,13 @@ class SetupStatus:
     num_evaluated: int
     num_up: int
     """Lanes whose walker did not fall."""
-    mean_distance: float
-    """Over the evaluated lanes, falls included [m]; NaN before the first evaluation."""
+    result: str
+    """What they reached in the mean, falls included, with its unit; empty before the first evaluation."""
 
     def __str__(self) -> str:
         if not self.num_evaluated:
             return f"{self.name}: not evaluated yet"
-        return f"{self.name}: {self.mean_distance:.2f} m, {self.num_up}/{self.num_evaluated} up"
+        return f"{self.name}: {self.result}, {self.num_up}/{self.num_evaluated} up"
 
 
 @dataclass(frozen=True)
@@ -123,11 +123,7 @@ class _Display:
         for setup in self._setups:
             evaluated, up = setup.num_evaluated, setup.num_up
             marks = "▪" * up + "▫" * (evaluated - up) if evaluated <= _MOST_MARKS else ""
-            cells = (
-                (f"{setup.mean_distance:.2f} m", f"{up}/{evaluated} up", marks)
-                if evaluated
-                else ("–", "", "")
-            )
+            cells = (setup.result, f"{up}/{evaluated} up", marks) if evaluated else ("–", "", "")
             lines.add_row(f"  {setup.name}", *cells)
         return Group(self._progress, lines)
 

@@ -72,17 +72,22 @@ def write_logs(folder: RunFolder, groups: Sequence[Trained]) -> None:
         columns = {
             c: np.concatenate([part[c] for part in parts]) if parts else [] for c in SCHEMAS[name].names
         }
-        folder.write_table(name, table_of(name, columns))
+        folder.write_table(name, table_of(SCHEMAS[name], columns))
 
 
 def write_policies(folder: RunFolder, groups: Sequence[Trained]) -> None:
     """Write the last and the best policy of every lane."""
     for group in groups:
         for (lane, which), policy in group.policies().items():
-            stem = f"policies/{lane.name}-{which}"
-            tensors = {name: np.asarray(array, order="C") for name, array in policy.tensors().items()}
-            folder.write(f"{stem}.safetensors", save(tensors))
-            folder.write(f"{stem}.json", json.dumps(policy.description(), indent=2) + "\n")
+            write_policy(folder, lane, which, policy)
+
+
+def write_policy(folder: RunFolder, lane: Lane, which: Which, policy: Policy) -> None:
+    """Write a policy of a lane."""
+    stem = f"policies/{lane.name}-{which}"
+    tensors = {name: np.asarray(array, order="C") for name, array in policy.tensors().items()}
+    folder.write(f"{stem}.safetensors", save(tensors))
+    folder.write(f"{stem}.json", json.dumps(policy.description(), indent=2) + "\n")
 
 
 def write_trajectories(folder: RunFolder, baseline: Trajectory, groups: Sequence[Trained]) -> None:
@@ -92,7 +97,7 @@ def write_trajectories(folder: RunFolder, baseline: Trajectory, groups: Sequence
     ]
     rows.append(_rows(BASELINE, "baseline", baseline))
     columns = {name: np.concatenate([row[name] for row in rows]) for name in SCHEMAS["trajectories"].names}
-    folder.write_table("trajectories", table_of("trajectories", columns))
+    folder.write_table("trajectories", table_of(SCHEMAS["trajectories"], columns))
 
 
 def _rows(lane: str, which: str, trajectory: Trajectory) -> dict[str, np.ndarray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from itertools import accumulate, pairwise
 from pathlib import Path
@@ -64,7 +64,7 @@ def run_study(
             ours = study.trainer == "ppo"
             widths = group_widths(len(study.lanes), num_cores()) if ours else (1,) * len(study.lanes)
             reference, _ = walk_baseline(study, behaviour)
-            folder = RunFolder.begin(out, study, behaviour, reference, widths)
+            folder = RunFolder.begin(out, study, behaviour, widths, baseline=reference)
         with progress_display(study.name) if progress else nullcontext(lambda status: None) as report:
             _train(study, behaviour, folder, report)
     return Run.open(out)
@@ -79,12 +79,14 @@ def set_up_jax() -> None:
 
 
 Lanes = Sequence[Group] | Sequence[SB3Lane]
+Train = Callable[[Callable[[], None]], None]
+"""Trains and tests all lanes; calls what it is given every now and then."""
 
 
 def _train(study: Study, behaviour: Behaviour, folder: RunFolder, report: Report) -> None:
     lanes: Lanes = []
     report(_status("compiling", study, lanes))
-    lanes = (_groups if study.trainer == "ppo" else _sb3_lanes)(study, behaviour, folder)
+    lanes, train = (_ours if study.trainer == "ppo" else _of_sb3)(study, behaviour, folder)
     next_refresh = time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
 
     def watch() -> None:
@@ -101,10 +103,7 @@ def _train(study: Study, behaviour: Behaviour, folder: RunFolder, report: Report
 
     try:
         report(_status("training", study, lanes))
-        if study.trainer == "ppo":
-            take_turns(lanes, num_cores(), watch)
-        else:
-            train_with_sb3(lanes, watch)
+        train(watch)
         report(_status("writing", study, lanes))
         write_logs(folder, lanes)
         write_policies(folder, lanes)
@@ -118,7 +117,7 @@ def _train(study: Study, behaviour: Behaviour, folder: RunFolder, report: Report
         raise
 
 
-def _groups(study: Study, behaviour: Behaviour, folder: RunFolder) -> list[Group]:
+def _ours(study: Study, behaviour: Behaviour, folder: RunFolder) -> tuple[Sequence[Group], Train]:
     tasks = Tasks.of(study, behaviour)
     programs = compile_programs(study, tasks, folder.group_widths, num_cores())
     ends = accumulate(folder.group_widths, initial=0)
@@ -126,14 +125,15 @@ def _groups(study: Study, behaviour: Behaviour, folder: RunFolder) -> list[Group
     for index, (start, end) in enumerate(pairwise(ends)):
         lanes = study.lanes[start:end]
         groups.append(Group(study, lanes, tasks, programs[len(lanes)], folder.checkpoint(index)))
-    return groups
+    return groups, lambda watch: take_turns(groups, num_cores(), watch)
 
 
-def _sb3_lanes(study: Study, behaviour: Behaviour, folder: RunFolder) -> list[SB3Lane]:
-    return [
+def _of_sb3(study: Study, behaviour: Behaviour, folder: RunFolder) -> tuple[Sequence[SB3Lane], Train]:
+    lanes = [
         SB3Lane(CompassLane(study, behaviour, lane, folder.checkpoint(index)))
         for index, lane in enumerate(study.lanes)
     ]
+    return lanes, lambda watch: train_with_sb3(lanes, watch)
 
 
 def _status(doing: str, study: Study, groups: Lanes) -> Status:
@@ -153,7 +153,7 @@ def _status(doing: str, study: Study, groups: Lanes) -> Status:
                 num_lanes=study.num_seeds,
                 num_evaluated=len(mine),
                 num_up=sum(not columns["fell"][index] for columns, index in mine),
-                mean_distance=float(np.mean(distances)) if distances else float("nan"),
+                result=f"{np.mean(distances):.2f} m" if distances else "",
             )
         )
     return Status(

@@ -16,6 +16,7 @@ from coachable.learning.policy import Policy
 from coachable.studies.checkpoint import load_arrays, save_arrays
 from coachable.studies.lane_processes import News, Tell
 from coachable.studies.log import Columns, Log
+from coachable.studies.store import Which
 
 if TYPE_CHECKING:
     from coachable.learning.sb3 import Learner
@@ -32,6 +33,9 @@ def require_sb3(trainer: str, settings: Mapping[str, Any]) -> None:
     from coachable.learning.sb3 import check_settings
 
     check_settings(trainer, settings)
+
+
+Note = Callable[[int, str, Mapping[str, float]], None]
 
 
 class EpisodeLog(gymnasium.Wrapper):
@@ -84,16 +88,19 @@ def train_lane(
     path: Path,
     tell: Tell,
     finish: Callable[[Policy], Mapping[str, Columns]] = lambda policy: {},
+    note: Note = lambda step, what, numbers: None,
 ) -> None:
     """Train a lane from its checkpoint, or from the start, to its end; at `path` is then all that came of it.
 
     - `evaluate` gives rows for `evaluations` with a column `return`, whose mean decides which policy is best.
       An evaluation at step s uses the weights after the last update that was over by then.
     - `finish` gives further tables of the last policy.
+    - `note` is told of every evaluation, and of the episodes since: the step, `evaluation` or `training`, and
+      means by name.
 
     When `tell` raises `KeyboardInterrupt` it saves and lets that pass.
     """
-    lane = _Lane(learner, episodes, evaluate, list(evaluation_steps), path, tell)
+    lane = _Lane(learner, episodes, evaluate, list(evaluation_steps), path, tell, note)
     if path.exists():
         lane.restore()
     if not lane.done:
@@ -110,9 +117,10 @@ class _Lane:
         due: list[int],
         path: Path,
         tell: Tell,
+        note: Note,
     ):
         self._learner, self._episodes, self._evaluate = learner, episodes, evaluate
-        self._due, self._path, self._tell = due, path, tell
+        self._due, self._path, self._tell, self._note = due, path, tell, note
         self._evaluations = Log()
         self._tables: dict[str, Columns] = {}
         self._best: Policy | None = None
@@ -121,6 +129,7 @@ class _Lane:
         self._saved_at = time.monotonic()
         self._saving_took = 0.0
         self._num_evaluations = 0
+        self._num_noted = 0
         self.done = False
 
     def between(self) -> None:
@@ -161,6 +170,7 @@ class _Lane:
         self._best_return = about["best_return"]
         self._due = self._due[about["num_evaluations"] :]
         self._episodes.log = Log.of(arrays, "episodes.")
+        self._num_noted = self._episodes.log.num_rows
         self._episodes.num_steps = self._learner.num_steps
         self._evaluations = Log.of(arrays, "evaluations.")
         self._num_evaluations = about["num_evaluations"]
@@ -172,6 +182,11 @@ class _Lane:
             rows = len(self._latest["return"])
             self._evaluations.add(self._latest | {"step": np.full(rows, step)})
         self._num_evaluations += len(steps)
+        self._note(steps[-1], "evaluation", _means(self._latest))
+        if self._episodes.log.num_rows > self._num_noted:
+            recent = self._episodes.log.last(self._episodes.log.num_rows - self._num_noted)
+            self._note(steps[-1], "training", _means(recent))
+            self._num_noted = self._episodes.log.num_rows
         if (score := float(np.mean(self._latest["return"]))) > self._best_return:
             self._best, self._best_return = policy, score
 
@@ -199,7 +214,7 @@ class _Lane:
         self._saving_took = self._saved_at - began
 
 
-def load_lane(path: Path) -> tuple[dict[str, Columns], dict[str, Policy]]:
+def load_lane(path: Path) -> tuple[dict[str, Columns], dict[Which, Policy]]:
     """What a lane has logged so far, by table, and its `last` and `best` policy.
 
     **Raises:** `RunFolderError` naming a file that is damaged.
@@ -207,8 +222,13 @@ def load_lane(path: Path) -> tuple[dict[str, Columns], dict[str, Policy]]:
     arrays, about = load_arrays(path)
     names = ("episodes", "evaluations", *about["tables"])
     tables = {name: Log.of(arrays, f"{name}.").columns() for name in names}
-    policies = {which: Policy.of(_under(f"{which}.", arrays), about[which]) for which in ("last", "best")}
-    return tables, policies
+    kinds: tuple[Which, ...] = ("last", "best")
+    return tables, {which: Policy.of(_under(f"{which}.", arrays), about[which]) for which in kinds}
+
+
+def _means(columns: Columns) -> dict[str, float]:
+    names = [name for name in columns if name not in ("end_step", "episode")]
+    return {name: float(np.mean(columns[name])) for name in names}
 
 
 def _under(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -18,9 +18,10 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.suggestion import suggestion
 from coachable.behaviours.text.parser import parse
 from coachable.errors import BehaviourError, PlanError, RunFolderError
-from coachable.studies.columns import FORMAT_VERSION, SCHEMAS
+from coachable.studies.columns import FORMAT_VERSION, SCHEMAS, TRAINING_SCHEMAS
 from coachable.studies.files import read_bytes, table_from
 from coachable.studies.plan import Lane, Study, parse_plan
+from coachable.studies.training import Training, parse_training
 
 if TYPE_CHECKING:
     from coachable.learning.policy import Policy
@@ -29,16 +30,9 @@ Which = Literal["last", "best"]
 BASELINE = "virtual-gravity"
 """The lane under which the baseline's trajectory is kept."""
 
-_MANIFEST_KEYS = (
-    "status",
-    "versions",
-    "platform",
-    "device_layout",
-    "resumed_under",
-    "reward_hashes",
-    "baseline",
-    "files",
-)
+_FOR_ALL = ("status", "versions", "platform", "device_layout", "resumed_under", "reward_hashes", "files")
+_MANIFEST_KEYS = {"study": (*_FOR_ALL, "baseline"), "training": (*_FOR_ALL, "env")}
+Plan = TypeVar("Plan", "Study", "Training")
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,31 +50,13 @@ class Run:
     @staticmethod
     def open(path: str | Path) -> Run:
         """The run in this folder."""
-        path = Path(path)
-        if not path.is_dir():
-            raise RunFolderError(f"{path} is not a folder; give the --out of a study")
-        if not (path / "manifest.json").exists():
-            raise RunFolderError(f"{path} is not a run folder: it has no manifest.json")
-        manifest = _json(path / "manifest.json")
-        version = manifest.get("format_version")
-        if version != FORMAT_VERSION:
+        files = RunFiles.open(path)
+        if files.kind != "study":
             raise RunFolderError(
-                f"{path} has format_version {version!r}; this coachable reads {FORMAT_VERSION}. "
-                "Use the version of coachable that wrote it"
+                f"{path} holds the training of {files.manifest['env']!r}, not a study of the compass walker; "
+                "there are `coachable table`, `watch` and `export` for it"
             )
-        if missing := [key for key in _MANIFEST_KEYS if key not in manifest]:
-            raise RunFolderError(f"{path / 'manifest.json'} is damaged: it lacks {missing[0]!r}")
-        hashes = manifest["files"]
-        plan_text = _text(path / "plan.toml", hashes.get("plan.toml"))
-        behaviour_text = _text(path / "behaviour.behaviour", hashes.get("behaviour.behaviour"))
-        try:
-            plan = parse_plan(plan_text, str(path / "plan.toml"))
-            behaviour = parse(behaviour_text)
-        except PlanError as error:
-            raise RunFolderError(f"{path / 'plan.toml'} is damaged: {error}") from None
-        except BehaviourError as error:
-            raise RunFolderError(f"{path / 'behaviour.behaviour'} is damaged: {error}") from None
-        return Run(path, plan, behaviour, manifest)
+        return Run(files.path, files.plan(parse_plan), files.behaviour(), files.manifest)
 
     @property
     def status(self) -> str:
@@ -104,8 +80,7 @@ class Run:
         """`episodes`, `evaluations`, `trajectories` or `survival`, columns as in `studies/columns.py`."""
         if name not in SCHEMAS:
             raise RunFolderError(f"a run has no table {name!r}; {suggestion(name, SCHEMAS)}")
-        path = self.path / f"{name}.parquet"
-        return table_from(self._read(path), path, SCHEMAS[name])
+        return RunFiles(self.path, self.manifest).table(name, SCHEMAS[name])
 
     def columns(self, name: str) -> dict[str, np.ndarray]:
         """The same table as NumPy arrays by column."""
@@ -113,16 +88,7 @@ class Run:
 
     def policy(self, setup: str, seed: int, which: Which = "last") -> Policy:
         """The lane's learned controller: the `last`, or the `best` by evaluation return."""
-        from coachable.learning.policy import Policy
-
-        stem = self.path / "policies" / f"{self.lane(setup, seed).name}-{which}"
-        weights, description = stem.with_name(f"{stem.name}.safetensors"), stem.with_name(f"{stem.name}.json")
-        try:
-            return Policy.of(load(self._read(weights)), _json(description, self._hash(description)))
-        except (SafetensorError, RunFolderError) as error:
-            if isinstance(error, RunFolderError) and str(self.path) in str(error):
-                raise
-            raise RunFolderError(f"{weights} is damaged: {error}") from None
+        return RunFiles(self.path, self.manifest).policy(self.lane(setup, seed), which)
 
     def trajectory(self, setup: str, seed: int, which: Which = "last") -> dict[str, np.ndarray]:
         """The stored evaluation episode of one lane, as NumPy arrays by column."""
@@ -134,13 +100,7 @@ class Run:
 
     def lane(self, setup: str, seed: int) -> Lane:
         """The lane of this setup and seed, which the plan must have."""
-        names = [s.name for s in self.plan.setups]
-        if setup not in names:
-            raise RunFolderError(f"{self.path} has no setup {setup!r}; {suggestion(setup, names)}")
-        if seed not in self.plan.seeds:
-            first, last = self.plan.seeds[0], self.plan.seeds[-1]
-            raise RunFolderError(f"{self.path} has no seed {seed}; it has {first} to {last}")
-        return Lane(setup, seed)
+        return _lane(self.path, self.plan, setup, seed)
 
     def _trajectory(self, lane: str, which: str) -> dict[str, np.ndarray]:
         table = self.table("trajectories")
@@ -151,13 +111,126 @@ class Run:
             )
         return _columns(rows.drop_columns(["lane", "which"]))
 
+
+@dataclass(frozen=True, eq=False)
+class TrainingRun:
+    """What a training in somebody's environment left in its folder, complete or under way.
+
+    Every method raises `RunFolderError` naming the file that is missing or damaged.
+    """
+
+    path: Path
+    plan: Training
+    behaviour: Behaviour
+    manifest: Mapping[str, Any]
+
+    @staticmethod
+    def open(path: str | Path) -> TrainingRun:
+        """The training in this folder."""
+        files = RunFiles.open(path)
+        if files.kind != "training":
+            raise RunFolderError(f"{path} holds a study of the compass walker, not a training")
+        return TrainingRun(files.path, files.plan(parse_training), files.behaviour(), files.manifest)
+
+    @property
+    def status(self) -> str:
+        """`running`, `interrupted` or `complete`. A run whose process was killed still says `running`."""
+        return self.manifest["status"]
+
+    @property
+    def lanes(self) -> tuple[Lane, ...]:
+        """Every (setup, seed)."""
+        return self.plan.lanes
+
+    def columns(self, name: str) -> dict[str, np.ndarray]:
+        """`episodes` or `evaluations` as NumPy arrays, columns as in `studies/columns.py`."""
+        if name not in TRAINING_SCHEMAS:
+            raise RunFolderError(f"a training has no table {name!r}; {suggestion(name, TRAINING_SCHEMAS)}")
+        return _columns(RunFiles(self.path, self.manifest).table(name, TRAINING_SCHEMAS[name]))
+
+    def policy(self, setup: str, seed: int, which: Which = "last") -> Policy:
+        """The lane's learned controller: the `last`, or the `best` by evaluation return."""
+        return RunFiles(self.path, self.manifest).policy(self.lane(setup, seed), which)
+
+    def lane(self, setup: str, seed: int) -> Lane:
+        """The lane of this setup and seed, which the plan must have."""
+        return _lane(self.path, self.plan, setup, seed)
+
+
+@dataclass(frozen=True, eq=False)
+class RunFiles:
+    """The files that all run folders have, each read with its check."""
+
+    path: Path
+    manifest: Mapping[str, Any]
+
+    @staticmethod
+    def open(path: str | Path) -> RunFiles:
+        """The folder's files."""
+        path = Path(path)
+        if not path.is_dir():
+            raise RunFolderError(f"{path} is not a folder; give the --out of a study")
+        if not (path / "manifest.json").exists():
+            raise RunFolderError(f"{path} is not a run folder: it has no manifest.json")
+        manifest = _json(path / "manifest.json")
+        version = manifest.get("format_version")
+        if version != FORMAT_VERSION:
+            raise RunFolderError(
+                f"{path} has format_version {version!r}; this coachable reads {FORMAT_VERSION}. "
+                "Use the version of coachable that wrote it"
+            )
+        files = RunFiles(path, manifest)
+        if missing := [key for key in _MANIFEST_KEYS[files.kind] if key not in manifest]:
+            raise RunFolderError(f"{path / 'manifest.json'} is damaged: it lacks {missing[0]!r}")
+        return files
+
+    @property
+    def kind(self) -> Literal["study", "training"]:
+        """Whether the compass walker was studied, or a robot trained in an environment of Gymnasium's."""
+        return "training" if "env" in self.manifest else "study"
+
+    def plan(self, parse: Callable[[str, str], Plan]) -> Plan:
+        """The resolved plan."""
+        path = self.path / "plan.toml"
+        try:
+            return parse(_text(path, self._hash(path)), str(path))
+        except PlanError as error:
+            raise RunFolderError(f"{path} is damaged: {error}") from None
+
+    def behaviour(self) -> Behaviour:
+        """The described behaviour."""
+        path = self.path / "behaviour.behaviour"
+        try:
+            return parse(_text(path, self._hash(path)))
+        except BehaviourError as error:
+            raise RunFolderError(f"{path} is damaged: {error}") from None
+
+    def table(self, name: str, schema: pa.Schema) -> pa.Table:
+        """A table, with the columns of the schema."""
+        path = self.path / f"{name}.parquet"
+        return table_from(self._read(path), path, schema)
+
+    def policy(self, lane: Lane, which: Which) -> Policy:
+        """A lane's learned controller."""
+        from coachable.learning.policy import Policy
+
+        stem = self.path / "policies" / f"{lane.name}-{which}"
+        weights, description = stem.with_name(f"{stem.name}.safetensors"), stem.with_name(f"{stem.name}.json")
+        try:
+            return Policy.of(load(self._read(weights)), _json(description, self._hash(description)))
+        except (SafetensorError, RunFolderError) as error:
+            if isinstance(error, RunFolderError) and str(self.path) in str(error):
+                raise
+            raise RunFolderError(f"{weights} is damaged: {error}") from None
+
     def _hash(self, path: Path) -> str | None:
         return self.manifest["files"].get(path.relative_to(self.path).as_posix())
 
     def _read(self, path: Path) -> bytes:
-        if not path.exists() and self.status != "complete":
+        if not path.exists() and self.manifest["status"] != "complete":
             raise RunFolderError(
-                f"{path} is not there yet: the run is {self.status}. Run its study again to go on"
+                f"{path} is not there yet: the run is {self.manifest['status']}. "
+                f"Run its {self.kind} again to go on"
             )
         return read_bytes(path, self._hash(path))
 
@@ -168,6 +241,23 @@ def load_run(path: str | Path) -> Run:
     **Raises:** `RunFolderError` naming what is wrong with it.
     """
     return Run.open(path)
+
+
+def open_run(path: str | Path) -> Run | TrainingRun:
+    """The study or the training in a folder.
+
+    **Raises:** `RunFolderError` naming what is wrong with it.
+    """
+    return (Run if RunFiles.open(path).kind == "study" else TrainingRun).open(path)
+
+
+def _lane(path: Path, plan: Study | Training, setup: str, seed: int) -> Lane:
+    names = [s.name for s in plan.setups]
+    if setup not in names:
+        raise RunFolderError(f"{path} has no setup {setup!r}; {suggestion(setup, names)}")
+    if seed not in plan.seeds:
+        raise RunFolderError(f"{path} has no seed {seed}; it has {plan.seeds[0]} to {plan.seeds[-1]}")
+    return Lane(setup, seed)
 
 
 def _columns(table: pa.Table) -> dict[str, np.ndarray]:

@@ -6,7 +6,7 @@ import dataclasses
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, Protocol, runtime_checkable
 
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import PlanError
@@ -89,16 +89,13 @@ class Study:
             raise PlanError(
                 "the table sb3 is for the trainers sb3-…; the settings of ppo are in the table ppo"
             )
-        if type(self.steps_an_update) is not int or self.steps_an_update < 1:
-            raise PlanError(f"updates must be whole steps apart, got {self.steps_an_update!r}")
+        if self.trainer != "ppo":
+            steps_an_update(self.trainer, self.sb3)
 
     @property
     def steps_an_update(self) -> int:
         """Training steps between two moments at which a lane's weights change."""
-        if self.trainer == "ppo":
-            return self.ppo.n_steps
-        name, default = ("n_steps", 2048) if self.trainer == "sb3-ppo" else ("train_freq", 1)
-        return self.sb3.get(name, default)
+        return self.ppo.n_steps if self.trainer == "ppo" else steps_an_update(self.trainer, self.sb3)
 
     @property
     def num_updates(self) -> int:
@@ -153,6 +150,15 @@ class Study:
         }
 
 
+def steps_an_update(trainer: Trainer, settings: Mapping[str, Any]) -> int:
+    """Environment steps between two moments at which the weights of stable-baselines3's algorithms change."""
+    name, default = ("n_steps", 2048) if trainer == "sb3-ppo" else ("train_freq", 1)
+    steps = settings.get(name, default)
+    if type(steps) is not int or steps < 1:
+        raise PlanError(f"sb3.{name} must be a whole number of steps, got {steps!r}")
+    return steps
+
+
 def check_choices(values: Mapping[str, Any]) -> None:
     """**Raises:** `PlanError` if a key that has a few possible values has another one."""
     for key, choices in CHOICES.items():
@@ -160,7 +166,16 @@ def check_choices(values: Mapping[str, Any]) -> None:
             raise PlanError(f"{key} = {values[key]!r}: {suggestion(str(values[key]), choices)}")
 
 
-def differences(ours: Study, theirs: Study) -> list[str]:
+@runtime_checkable
+class Plan(Protocol):
+    """What a run folder is made from."""
+
+    def to_data(self) -> dict[str, Any]:
+        """The plan as the nested tables of its TOML form."""
+        ...
+
+
+def differences(ours: Plan, theirs: Plan) -> list[str]:
     """One line a key in which two plans differ: `key: ours → theirs`."""
     left, right = _flat(ours.to_data()), _flat(theirs.to_data())
     return [

@@ -6,6 +6,7 @@ import contextlib
 import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from PIL import Image
@@ -43,25 +44,48 @@ def animate(
 
     **Raises:** `MissingExtraError` for an mp4 without the [video] extra, `CoachableError` for another suffix.
     """
+    walks = {title: Walk.of(trajectory, parameters) for title, trajectory in trajectories.items()}
+    scenes = SideBySide(tuple(Scene.of(walk, phases, title) for title, walk in walks.items()))
+    start = min(walk.time[0] for walk in walks.values())
+    write_film(path, scenes, float(start), max(walk.seconds for walk in walks.values()))
+
+
+@runtime_checkable
+class Film(Protocol):
+    """What a film shows."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Of a frame [pixels]."""
+        ...
+
+    def frame(self, time: float) -> Image.Image:
+        """The picture at a time [s]."""
+        ...
+
+
+def write_film(path: Path, film: Film, start: float, seconds: float) -> None:
+    """Write what a film shows from a time [s] on, in real time.
+
+    **Raises:** `MissingExtraError` for an mp4 without the [video] extra, `CoachableError` for a file that
+    ends neither in `.gif` nor in `.mp4`.
+    """
     writers = {".gif": (_write_gif, GIF_FPS), ".mp4": (_write_mp4, MP4_FPS)}
     if path.suffix not in writers:
         raise CoachableError(f"{path.name}: a film ends in {' or '.join(writers)}")
     write, fps = writers[path.suffix]
-    walks = {title: Walk.of(trajectory, parameters) for title, trajectory in trajectories.items()}
-    num_frames = max(1, *(round(walk.seconds * fps) for walk in walks.values()))
-    start = min(walk.time[0] for walk in walks.values())
-    scenes = SideBySide(tuple(Scene.of(walk, phases, title) for title, walk in walks.items()))
-    write(path, scenes, [start + k / fps for k in range(1, num_frames + 1)])
+    num_frames = max(1, round(seconds * fps))
+    write(path, film, [start + k / fps for k in range(1, num_frames + 1)])
 
 
-def _write_gif(path: Path, scene: SideBySide, times: Sequence[float]) -> None:
+def _write_gif(path: Path, scene: Film, times: Sequence[float]) -> None:
     palette = _palette(scene, times)
     frames = (scene.frame(time).quantize(palette=palette, dither=Image.Dither.NONE) for time in times)
     durations = [1_000 // GIF_FPS] * (len(times) - 1) + [_LAST_FRAME]
     next(frames).save(path, save_all=True, append_images=frames, duration=durations, loop=0, optimize=False)
 
 
-def _palette(scene: SideBySide, times: Sequence[float]) -> Image.Image:
+def _palette(scene: Film, times: Sequence[float]) -> Image.Image:
     """One palette for all frames, taken from some of them: one for each would flicker."""
     some = [times[int(index)] for index in np.linspace(0, len(times) - 1, 12)]
     width, height = scene.size
@@ -75,7 +99,7 @@ def _palette(scene: SideBySide, times: Sequence[float]) -> Image.Image:
     return palette
 
 
-def _write_mp4(path: Path, scene: SideBySide, times: Sequence[float]) -> None:
+def _write_mp4(path: Path, scene: Film, times: Sequence[float]) -> None:
     try:
         import imageio_ffmpeg
     except ImportError:

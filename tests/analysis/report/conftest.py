@@ -53,10 +53,10 @@ def make_run(gait):
         returns = {setup: gait.rewards[setup] for setup in setups}
         reference = {"controller": BASELINE, "hip_x": gait.hip_x, "foot_x": gait.foot_x, "returns": returns}
         path.mkdir(parents=True)
-        folder = RunFolder.begin(path, plan, behaviour, reference, (len(plan.lanes),))
+        folder = RunFolder.begin(path, plan, behaviour, (len(plan.lanes),), baseline=reference)
         columns = made_up(plan, gait.trajectory, seconds)
         for table in SCHEMAS:
-            folder.write_table(table, table_of(table, getattr(columns, table)))
+            folder.write_table(table, table_of(SCHEMAS[table], getattr(columns, table)))
         folder.complete()
         return path
 

@@ -1,0 +1,157 @@
+"""What came out of a training in somebody's environment: a table, and the learning curves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from coachable.analysis.figures import WIDTH
+from coachable.analysis.intervals import Estimate, estimate, interval, mean
+from coachable.errors import RunFolderError
+from coachable.studies.store import TrainingRun
+from coachable.style import drawing, save, setup_colours
+
+_RESAMPLES = 999
+_COLUMNS = 100
+
+MEASURES = {
+    "environment": ("environment's return", 1.0),
+    "behaviour": ("behaviour's return", 1.0),
+    "share_in_cycle": ("steps in the cycle [%]", 100.0),
+    "fell": ("episodes that fell [%]", 100.0),
+    "length": ("episode's length [steps]", 1.0),
+    "distance": ("distance [m]", 1.0),
+}
+"""What is told of evaluations: a column, its name with the unit, and what it is multiplied with."""
+
+
+def tell_training(run: TrainingRun, folder: Path) -> None:
+    """Print a training's table; write it as Markdown, with its learning curves as SVG and PNG."""
+    header, rows = _rows(run)
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=_COLUMNS)
+    grid = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for name in header:
+        grid.add_column(name)
+    for row in rows:
+        grid.add_row(*row)
+    title = heading(run)
+    console.print(title, style="bold", highlight=False)
+    console.print(grid)
+    console.print(NOTE, style="dim italic", highlight=False)
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = ["| " + " | ".join(row) + " |" for row in (header, ["---"] * len(header), *rows)]
+    written = folder / "table.md"
+    written.write_text(f"# {title}\n\n" + "\n".join(lines) + f"\n\n{NOTE}\n", encoding="utf-8")
+    figure = learning_curves(run)
+    paths = [folder / f"learning_curves.{suffix}" for suffix in ("svg", "png")]
+    for path in paths:
+        save(figure, path)
+    for path in (*paths, written):
+        print(f"wrote {path}")
+
+
+NOTE = (
+    "Last evaluation of each seed, deterministic episodes from starts that training never sees; means over "
+    "seeds with 95 % bootstrap intervals over seeds. The environment's return is what it pays by itself."
+)
+
+
+def heading(run: TrainingRun) -> str:
+    """What was trained, in one line."""
+    plan = run.plan
+    status = "" if run.status == "complete" else f", {run.status}"
+    return (
+        f"{plan.name}: {plan.env}, {run.behaviour.name}, {plan.trainer}, {len(plan.setups)} setup"
+        f"{'s' * (len(plan.setups) != 1)} × {plan.num_seeds} seed{'s' * (plan.num_seeds != 1)} × "
+        f"{plan.steps:,} steps{status}"
+    )
+
+
+def by_seed(run: TrainingRun, setup: str, measure: str) -> tuple[np.ndarray, np.ndarray]:
+    """Training steps, and the mean over episodes of a measure at each evaluation, a row a seed.
+
+    Seeds that have not been evaluated as often as others end in NaN.
+    """
+    columns = run.columns("evaluations")
+    values = {}
+    for seed in run.plan.seeds:
+        mine = columns["lane"] == run.lane(setup, seed).name
+        steps = columns["step"][mine]
+        for step in np.unique(steps):
+            values[seed, int(step)] = float(np.mean(columns[measure][mine][steps == step]))
+    steps = sorted({step for _, step in values})
+    rows = [[values.get((seed, step), np.nan) for step in steps] for seed in run.plan.seeds]
+    return np.array(steps), np.array(rows).reshape(len(run.plan.seeds), len(steps))
+
+
+def final(run: TrainingRun, setup: str, measure: str) -> Estimate:
+    """The mean over seeds of a measure at each seed's last evaluation, with its interval."""
+    _, rows = by_seed(run, setup, measure)
+    last = [row[~np.isnan(row)][-1] for row in rows if not np.isnan(row).all()]
+    return estimate(mean, np.array(last))
+
+
+def learning_curves(run: TrainingRun) -> Figure:
+    """Three panels against training steps: the environment's return, the behaviour's, the share in the cycle.
+
+    A line is the mean over seeds, its band the pointwise 95 % interval; with one seed there is no band.
+    """
+    colours = setup_colours([setup.name for setup in run.plan.setups])
+    panels = ("environment", "behaviour", "share_in_cycle")
+    with drawing():
+        figure = Figure(figsize=(WIDTH, 2.6), layout="constrained")
+        for axes, measure in zip(figure.subplots(1, len(panels)), panels, strict=True):
+            name, factor = MEASURES[measure]
+            for setup in run.plan.setups:
+                steps, rows = by_seed(run, setup.name, measure)
+                complete = ~np.isnan(rows).any(axis=0)
+                steps, rows = steps[complete] / 1_000, rows[:, complete] * factor
+                if not len(steps):
+                    continue
+                axes.plot(steps, rows.mean(axis=0), color=colours[setup.name], label=setup.name)
+                if len(rows) > 1:
+                    low, high = interval(mean, rows, resamples=_RESAMPLES)
+                    axes.fill_between(steps, low, high, color=colours[setup.name], alpha=0.15, linewidth=0)
+            axes.set_xlabel("training steps [thousands]")
+            axes.set_title(name, fontsize="medium")
+            axes.set_xlim(0, None)
+            if measure == "share_in_cycle":
+                axes.set_ylim(0, 100)
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        if handles:
+            figure.legend(handles, labels, loc="outside upper center", ncols=len(handles))
+    return figure
+
+
+def _rows(run: TrainingRun) -> tuple[list[str], list[list[str]]]:
+    evaluations = run.columns("evaluations")
+    if not len(evaluations["return"]):
+        raise RunFolderError(f"{run.path}: nothing has been evaluated yet; run its training again to go on")
+    shown = [name for name in MEASURES if not np.isnan(evaluations[name].astype(float)).all()]
+    header = ["setup", *(MEASURES[name][0] for name in shown)]
+    rows = []
+    for setup in run.plan.setups:
+        cells = []
+        for measure in shown:
+            told, factor = final(run, setup.name, measure), MEASURES[measure][1]
+            cells.append(_cell(told, factor))
+        rows.append([setup.name, *cells])
+    return header, rows
+
+
+def _cell(told: Estimate, factor: float) -> str:
+    def text(value: float) -> str:
+        value *= factor
+        return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+    if np.isnan(told.value):
+        return "–"
+    ends = f" [{text(told.low)}, {text(told.high)}]" if told.has_interval else ""
+    return text(told.value) + ends

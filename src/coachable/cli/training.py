@@ -1,0 +1,134 @@
+"""Train a described behaviour in any environment: train."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from coachable.cli.options import option
+from coachable.errors import PlanError
+
+COMPASS_WALKER = "coachable/CompassWalker-v0"
+
+
+def train(
+    plan: Annotated[
+        Positional[Path | None],
+        arg(metavar="[PLAN]", help="A TOML file; the options replace what it says.", help_behavior_hint=""),
+    ] = None,
+    env: Annotated[
+        str | None,
+        option("ID", "What gymnasium.make takes; MODULE:ID imports a module of yours first."),
+    ] = None,
+    behaviour: Annotated[str | None, option("NAME|FILE", "The described behaviour.")] = None,
+    trainer: Annotated[
+        Literal["ppo", "sb3-ppo", "sb3-sac", "sb3-td3"] | None,
+        option(
+            "ppo|sb3-ppo|sb3-sac|sb3-td3",
+            "Ours is for the compass walker; the others are stable-baselines3's and need the [sb3] extra.",
+            otherwise="sb3-ppo; for the compass walker ppo",
+        ),
+    ] = None,
+    settings: Annotated[
+        str | None,
+        option("NAME|FILE", "The trainer's settings as TOML: ppo-walker2d, sac-mujoco, … or your file."),
+    ] = None,
+    weight: Annotated[
+        float | None, option("W", "What the behaviour's reward is multiplied with.", otherwise="1")
+    ] = None,
+    setup: Annotated[
+        str | None, option("NAME", "For the compass walker: the reward setup.", otherwise="orthant")
+    ] = None,
+    steps: Annotated[int | None, option("N", "Training steps a lane.", otherwise="1,000,000")] = None,
+    evaluate_every: Annotated[
+        int | None, option("N", "Training steps between two evaluations.", otherwise="20,000")
+    ] = None,
+    seeds: Annotated[int | None, option("N", "How many seeds each setup gets.", otherwise="1")] = None,
+    track: Annotated[
+        Literal["tensorboard", "none"],
+        arg(help="Whether to write events for TensorBoard, which needs the [track] extra, into the folder."),
+    ] = "none",
+    out: Annotated[Path | None, option("DIR", "The run folder.", otherwise="runs/ENV")] = None,
+    workers: Annotated[
+        int | None, option("N", "How many lanes are trained at once.", otherwise="one a core")
+    ] = None,
+    allow_different_layout: Annotated[
+        bool, arg(help="Go on with a run that was begun under other versions or on another machine.")
+    ] = False,
+) -> None:
+    """Train a described behaviour in a Gymnasium environment, or go on with it, and print how it went.
+
+    The environment's reward and the behaviour's, times the weight, are paid together; a plan can say more,
+    and compare several setups. Stopped at any moment, the same command goes on from the last checkpoint.
+
+    For example:
+
+        coachable train --env Hopper-v5 --behaviour hops.behaviour --settings ppo-hopper --seeds 2
+        coachable train --env Walker2d-v5 --behaviour walk.behaviour --trainer sb3-sac --steps 300000
+        coachable train walker2d.toml --out runs/walker2d
+        coachable train --env coachable/CompassWalker-v0 --behaviour compass-walking --seeds 5
+    """
+    if env is not None and env.removeprefix("coachable.envs:") == COMPASS_WALKER:
+        _train_compass_walker(behaviour, trainer, settings, setup, steps, evaluate_every, seeds, out)
+        return
+    from coachable.analysis.training_table import tell_training
+    from coachable.studies.training import load_training, trainer_settings
+    from coachable.studies.training_runner import run_training
+
+    if setup is not None:
+        raise PlanError("--setup is for the compass walker; name the setups of a training in its plan")
+    training = load_training(
+        plan,
+        env=env,
+        behaviour=behaviour,
+        trainer=trainer,
+        settings=None if settings is None else trainer_settings(settings),
+        weight=weight,
+        steps=steps,
+        evaluate_every=evaluate_every,
+        seeds=seeds,
+    )
+    run = run_training(
+        training,
+        out or Path("runs") / training.name,
+        track=track == "tensorboard",
+        workers=workers,
+        allow_different_layout=allow_different_layout,
+    )
+    tell_training(run, run.path)
+
+
+def _train_compass_walker(
+    behaviour: str | None,
+    trainer: Literal["ppo", "sb3-ppo", "sb3-sac", "sb3-td3"] | None,
+    settings: str | None,
+    setup: str | None,
+    steps: int | None,
+    evaluate_every: int | None,
+    seeds: int | None,
+    out: Path | None,
+) -> None:
+    """A study of one setup: the compass walker has a task, an evaluation and baselines of its own."""
+    from coachable.cli.studies import table
+    from coachable.rewards.setup import paper_setup
+    from coachable.studies.plan import with_options
+    from coachable.studies.runner import run_study
+    from coachable.studies.study import Study
+    from coachable.studies.training import trainer_settings
+
+    whose = "ppo" if trainer in (None, "ppo") else "sb3"
+    said = {} if settings is None else {whose: trainer_settings(settings)}
+    study = with_options(
+        Study(name="CompassWalker-v0", num_seeds=1, setups=(paper_setup(setup or "orthant"),)),
+        behaviour=behaviour,
+        trainer=trainer,
+        steps=steps,
+        evaluate_every=evaluate_every,
+        seeds=seeds,
+        **said,
+    )
+    folder = out or Path("runs") / study.name
+    run_study(study, folder)
+    table(folder)

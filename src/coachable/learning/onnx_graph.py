@@ -1,0 +1,75 @@
+"""A policy as an ONNX graph, for robots and programs that know no Python. Needs [onnx]."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from coachable.errors import MissingExtraError
+from coachable.learning.policy import Policy
+
+OPSET = 17
+
+
+def onnx_bytes(policy: Policy) -> bytes:
+    """The policy as an ONNX model: `observation`, float32 (batch, n) → `action`, float32 (batch, m).
+
+    Observations are not normalised and actions are within the policy's box: both are part of the graph. What
+    else describes the policy is in the model's metadata as `description`, JSON.
+
+    **Raises:** `MissingExtraError` without the package onnx.
+    """
+    try:
+        from onnx import TensorProto, checker, helper, numpy_helper
+    except ImportError:
+        raise MissingExtraError("an ONNX file", "onnx") from None
+    constants, nodes = {}, []
+    last = "observation"
+
+    def constant(name: str, value: object) -> str:
+        constants[name] = np.asarray(value, np.float32)
+        return name
+
+    def then(operation: str, *others: str, **attributes: Any) -> None:
+        nonlocal last
+        result = f"{operation.lower()}_{len(nodes)}"
+        nodes.append(helper.make_node(operation, [last, *others], [result], **attributes))
+        last = result
+
+    if policy.shift is not None and policy.scale is not None:
+        then("Sub", constant("shift", policy.shift))
+        then("Div", constant("scale", policy.scale))
+        then("Clip", constant("least", -policy.bound), constant("greatest", policy.bound))
+    layers = list(zip(policy.weights, policy.biases, strict=True))
+    for number, (weight, bias) in enumerate(layers, start=1):
+        names = constant(f"layer_{number}.weight", weight), constant(f"layer_{number}.bias", bias)
+        then("Gemm", *names, transB=1)
+        if number < len(layers):
+            then({"tanh": "Tanh", "relu": "Relu"}[policy.activation])
+    low, high = np.asarray(policy.low), np.asarray(policy.high)
+    if policy.squashing == "tanh":
+        then("Tanh")
+        then("Add", constant("one", 1.0))
+        then("Mul", constant("half_width", (high - low) / 2))
+        then("Add", constant("low", low))
+    else:
+        # Clip takes one bound for all numbers; a box has one for each.
+        then("Max", constant("low", low))
+        then("Min", constant("high", high))
+    nodes[-1].output[0] = "action"
+    sizes = {"observation": policy.weights[0].shape[1], "action": len(low)}
+    ends = [
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", size])
+        for name, size in sizes.items()
+    ]
+    weights = [numpy_helper.from_array(value, name) for name, value in constants.items()]
+    graph = helper.make_graph(nodes, "policy", ends[:1], ends[1:], weights)
+    operations = [helper.make_opsetid("", OPSET)]
+    model = helper.make_model(graph, producer_name="coachable", opset_imports=operations)
+    # onnxruntime lags behind the newest format; this one has all that the operations need.
+    model.ir_version = 8
+    helper.set_model_props(model, {"description": json.dumps(policy.description())})
+    checker.check_model(model)
+    return model.SerializeToString()

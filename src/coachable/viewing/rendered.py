@@ -1,0 +1,116 @@
+"""Frames of walks that an environment has drawn itself: its picture, the phase, the time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from PIL import Image
+
+from coachable.drawing.pen import FINER, Pen
+from coachable.drawing.stage import NamedPhase
+from coachable.errors import CoachableError
+from coachable.style import FAINT, INK, PAGE, phase_colours
+from coachable.viewing.animation import write_film
+from coachable.viewing.walk import runs_of
+
+_SIDE = 360
+"""Of a picture in a frame [pixels]."""
+_WORDS = 56
+"""Height of what is below it: the phase, and the phases over time."""
+_MARGIN = 12
+
+
+@runtime_checkable
+class Rendered(Protocol):
+    """A walk as its environment draws it."""
+
+    @property
+    def title(self) -> str:
+        """What tells it from others."""
+        ...
+
+    @property
+    def time(self) -> np.ndarray:
+        """Of every picture [s]."""
+        ...
+
+    @property
+    def pictures(self) -> np.ndarray:
+        """(samples, height, width, 3), 0 … 255."""
+        ...
+
+    @property
+    def phase(self) -> np.ndarray:
+        """Location in the behaviour: 0 … K−1, or K outside all K phases."""
+        ...
+
+
+def draw_rendered(walks: Sequence[Rendered], path: Path, phases: Sequence[NamedPhase]) -> None:
+    """Write walks side by side as a film in real time.
+
+    **Raises:** as `write_film`.
+    """
+    if path.suffix.lower() not in (".gif", ".mp4"):
+        raise CoachableError(f"{path.name}: of a robot in its own environment there are films, .gif and .mp4")
+    scenes = tuple(RenderedScene(walk, tuple(phases)) for walk in walks)
+    write_film(path, RenderedFilm(scenes), 0.0, max(float(walk.time[-1]) for walk in walks))
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedScene:
+    """A walk with the phases of its behaviour."""
+
+    walk: Rendered
+    phases: tuple[NamedPhase, ...]
+
+    def frame(self, time: float) -> Image.Image:
+        """The picture at a time [s]; a walk that has ended stays as it ended."""
+        sample = max(0, int(np.searchsorted(self.walk.time, time + 1e-6, side="right")) - 1)
+        sheet = Image.new("RGB", (_SIDE, _SIDE + _WORDS), PAGE)
+        picture = Image.fromarray(self.walk.pictures[sample])
+        picture.thumbnail((_SIDE, _SIDE), Image.Resampling.LANCZOS)
+        sheet.paste(picture, ((_SIDE - picture.width) // 2, (_SIDE - picture.height) // 2))
+        sheet.paste(self._words(sample), (0, _SIDE))
+        return sheet
+
+    def _words(self, sample: int) -> Image.Image:
+        words = Image.new("RGB", (FINER * _SIDE, FINER * _WORDS), PAGE)
+        pen, colours = Pen(words), phase_colours(len(self.phases))
+        location = int(self.walk.phase[sample])
+        inside = location < len(self.phases)
+        title = (self.phases[location].title or self.phases[location].name) if inside else "in no phase"
+        pen.box(_MARGIN, 8, _MARGIN + 16, 24, colours[location], corner=4)
+        pen.text((_MARGIN + 24, 16), title, 12, INK, "lm")
+        pen.text((_SIDE - _MARGIN, 16), f"{self.walk.time[sample]:.2f} s", 12, INK, "rm")
+        count = max(1, len(self.walk.phase))
+        width = _SIDE - 2 * _MARGIN
+        for phase, start, stop in runs_of(self.walk.phase):
+            left, right = (_MARGIN + width * index / count for index in (start, stop))
+            pen.box(left, 34, right, 42, colours[phase])
+        now = _MARGIN + width * sample / count
+        pen.box(now - 1, 32, now + 1, 44, INK)
+        pen.text((_SIDE / 2, 50), self.walk.title, 10, FAINT, "mm")
+        return words.reduce(FINER)
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedFilm:
+    """Scenes beside one another."""
+
+    scenes: tuple[RenderedScene, ...]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Of a frame [pixels]."""
+        return _SIDE * len(self.scenes), _SIDE + _WORDS
+
+    def frame(self, time: float) -> Image.Image:
+        """The picture at a time [s]."""
+        sheet = Image.new("RGB", self.size, PAGE)
+        for place, scene in enumerate(self.scenes):
+            sheet.paste(scene.frame(time), (_SIDE * place, 0))
+        return sheet
