@@ -10,7 +10,20 @@ from typing import Any
 
 import jax
 
-PACKAGES = ("coachable", "jax", "jaxlib", "equinox", "numpy", "pyarrow", "safetensors")
+PACKAGES = (
+    "coachable",
+    "jax",
+    "jaxlib",
+    "equinox",
+    "numpy",
+    "pyarrow",
+    "safetensors",
+    "gymnasium",
+    "mujoco",
+    "stable-baselines3",
+    "torch",
+)
+"""Those that are not installed have no version."""
 DECIDE_BITS = ("coachable", "jax", "jaxlib")
 """Packages whose version can change the last bits of what is computed."""
 

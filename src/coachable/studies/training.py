@@ -15,9 +15,9 @@ from typing import Any
 from coachable.behaviours.library import SHIPPED
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import PlanError
-from coachable.rewards.phase_reward import VARIANTS, Variant
+from coachable.rewards.phase_reward import Variant
 from coachable.studies.plan_data import seeds, table, typed, types
-from coachable.studies.study import Lane, Trainer, steps_an_update
+from coachable.studies.study import Lane, Trainer, check_choices, steps_an_update
 from coachable.studies.toml_writer import toml_text
 
 TRAINERS = ("sb3-ppo", "sb3-sac", "sb3-td3")
@@ -44,15 +44,9 @@ class DescribedSetup:
     append_phase: bool = False
 
     def __post_init__(self) -> None:
-        numbers = {"weight": self.weight, "cycle_bonus": self.cycle_bonus}
-        for key, value in (
-            numbers | {f"terms.{name}": weight for name, weight in self.terms.items()}
-        ).items():
-            if not isinstance(value, int | float) or isinstance(value, bool) or not isfinite(value):
-                raise PlanError(f"setups.{self.name}.{key} must be a finite number, got {value!r}")
-        if self.reward_variant not in VARIANTS:
-            hint = suggestion(str(self.reward_variant), VARIANTS)
-            raise PlanError(f"setups.{self.name}.reward_variant = {self.reward_variant!r}; {hint}")
+        for key, value in {"weight": self.weight, "cycle_bonus": self.cycle_bonus, **self.terms}.items():
+            if not isfinite(value):
+                raise PlanError(f"{key} must be a finite number, got {value!r}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,11 +235,20 @@ def shipped_settings() -> list[str]:
 def _setups(value: Any, source: str) -> tuple[DescribedSetup, ...]:
     if not isinstance(value, Mapping):
         raise PlanError(f"{source}: setups must be tables by name, got {value!r}")
-    kinds = types(DescribedSetup) | {"terms": dict}
-    return tuple(
-        DescribedSetup(name=name, **table(said, kinds, source, f"setups.{name}"))
-        for name, said in value.items()
-    )
+    return tuple(_setup(name, said, source) for name, said in value.items())
+
+
+def _setup(name: str, value: Any, source: str) -> DescribedSetup:
+    key = f"setups.{name}"
+    said = table(value, types(DescribedSetup) | {"terms": dict}, source, key)
+    terms = {
+        term: typed(w, float, source, f"{key}.terms.{term}") for term, w in said.pop("terms", {}).items()
+    }
+    try:
+        check_choices(said)
+        return DescribedSetup(name=name, **said, terms=terms)
+    except PlanError as error:
+        raise PlanError(f"{source}: {key}: {error}") from None
 
 
 def _toml(text: str, source: str) -> dict[str, Any]:

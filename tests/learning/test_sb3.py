@@ -1,0 +1,146 @@
+"""Lanes of stable-baselines3: the policy that is kept is the one that acts, a checkpoint holds all of it."""
+
+import inspect
+
+import gymnasium
+import jax
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3", reason="needs the [sb3] extra: pip install 'coachable[sb3]'")
+
+from coachable.errors import PlanError
+from coachable.learning.sb3 import ALGORITHMS, Learner, check_settings
+from coachable.studies.study import steps_an_update
+
+pytestmark = pytest.mark.sb3
+
+SMALL = {
+    "sb3-ppo": {"n_steps": 32, "batch_size": 16, "n_epochs": 2},
+    "sb3-sac": {"learning_starts": 20, "batch_size": 16, "policy_kwargs": {"net_arch": [16, 8]}},
+    "sb3-td3": {"learning_starts": 20, "batch_size": 16, "noise_std": 0.1},
+}
+
+
+class Aim(gymnasium.Env):
+    """One step: the closer the two actions are to what is observed, the better. Actions from −1 to 3."""
+
+    observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (3,), np.float32)
+    action_space = gymnasium.spaces.Box(-1.0, 3.0, (2,), np.float32)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.aim = self.np_random.uniform(0, 2, 2)
+        return np.array([*self.aim, 1.0], np.float32), {}
+
+    def step(self, action):
+        return np.zeros(3, np.float32), -float(np.square(action - self.aim).sum()), True, False, {}
+
+
+def learner(trainer, **settings):
+    return Learner(trainer, Aim(), SMALL[trainer] | settings, seed=1)
+
+
+@pytest.mark.parametrize(
+    ("trainer", "settings"),
+    [
+        ("sb3-ppo", {}),
+        ("sb3-ppo", {"normalize": True}),
+        ("sb3-ppo", {"policy_kwargs": {"activation_fn": "relu", "net_arch": [8, 8, 8]}}),
+        ("sb3-sac", {}),
+        ("sb3-sac", {"normalize": True}),
+        ("sb3-td3", {}),
+    ],
+)
+def test_the_policy_is_what_the_model_does_when_it_does_not_explore(trainer, settings):
+    lane = learner(trainer, **settings)
+    lane.learn(64, lambda: None)
+    observations = np.random.default_rng(0).normal(size=(50, 3)).astype(np.float32) * 3
+    normaliser = lane._model.get_vec_normalize_env()
+    seen = observations if normaliser is None else normaliser.normalize_obs(observations)
+    theirs, _ = lane._model.predict(seen, deterministic=True)
+    ours = jax.vmap(lane.policy())(observations)
+    np.testing.assert_allclose(ours, theirs, atol=1e-5)
+    assert np.ptp(theirs) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("trainer", "normalize"), [("sb3-ppo", True), ("sb3-sac", False), ("sb3-td3", False)]
+)
+def test_a_checkpoint_holds_all_that_is_needed_to_go_on(trainer, normalize):
+    lane, again = (learner(trainer, normalize=normalize) for _ in range(2))
+    lane.learn(96, lambda: None)
+    arrays = lane.arrays()
+    again.restore(arrays)
+    restored = again.arrays()
+    assert restored.keys() == arrays.keys()
+    for name, array in arrays.items():
+        np.testing.assert_array_equal(restored[name], array, err_msg=name)
+    again.learn(128, lambda: None)
+    assert again.num_steps == 128
+    changed = again.arrays()
+    moved = [name for name in arrays if name.startswith("policy/") and (changed[name] != arrays[name]).any()]
+    assert moved, "it went on learning"
+
+
+def test_two_learners_with_a_seed_learn_the_same_and_with_another_seed_something_else():
+    def weights(seed):
+        lane = Learner("sb3-ppo", Aim(), SMALL["sb3-ppo"], seed)
+        lane.learn(64, lambda: None)
+        return np.asarray(lane.policy().weights[0])
+
+    first = weights(3)
+    np.testing.assert_array_equal(weights(3), first)
+    assert (weights(4) != first).any()
+
+
+def test_it_learns_to_aim():
+    lane = Learner("sb3-ppo", Aim(), {"n_steps": 512, "learning_rate": 2e-3, "gamma": 0.0}, seed=0)
+    aims = np.random.default_rng(1).uniform(0.3, 1.7, (100, 2)).astype(np.float32)
+    observations = np.concatenate([aims, np.ones((100, 1), np.float32)], axis=1)
+
+    def error():
+        return float(np.abs(np.asarray(jax.vmap(lane.policy())(observations)) - aims).mean())
+
+    before = error()
+    lane.learn(8192, lambda: None)
+    assert error() < 0.25 < before
+
+
+def test_it_pauses_between_updates_only():
+    lane = learner("sb3-ppo")
+    pauses = []
+    lane.learn(100, lambda: pauses.append(lane.num_steps))
+    assert pauses == [0, 32, 64, 96, 128]
+
+
+@pytest.mark.parametrize("trainer", [*ALGORITHMS])
+def test_we_know_how_often_their_weights_change(trainer):
+    signature = inspect.signature(ALGORITHMS[trainer].__init__)
+    name = "n_steps" if trainer == "sb3-ppo" else "train_freq"
+    assert steps_an_update(trainer, {}) == signature.parameters[name].default
+
+
+@pytest.mark.parametrize(
+    ("trainer", "settings", "message"),
+    [
+        ("sb3-ppo", {"learnin_rate": 1e-3}, "learning_rate"),
+        ("sb3-ppo", {"noise_std": 0.1}, "no setting 'noise_std'"),
+        ("sb3-sac", {"policy_kwargs": {"activation_fn": "tan"}}, "tanh"),
+    ],
+)
+def test_a_setting_it_does_not_have_is_refused(trainer, settings, message):
+    with pytest.raises(PlanError, match=message):
+        check_settings(trainer, settings)
+
+
+def test_a_setting_that_makes_no_sense_is_refused():
+    with pytest.raises(PlanError, match="sb3-ppo does not take these settings"):
+        learner("sb3-ppo", n_steps=1)
+
+
+def test_spaces_it_cannot_work_with_are_refused():
+    with pytest.raises(PlanError, match="actions must be a row of numbers"):
+        Learner("sb3-ppo", gymnasium.make("CartPole-v1"), {}, 0)
+    with pytest.raises(PlanError, match="FlattenObservation"):
+        Learner("sb3-ppo", gymnasium.wrappers.ReshapeObservation(Aim(), (3, 1)), {}, 0)

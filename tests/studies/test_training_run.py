@@ -1,0 +1,248 @@
+"""A small training of a pendulum: its folder, its numbers, going on, and what is refused beforehand."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from PIL import Image
+
+pytest.importorskip("stable_baselines3", reason="needs the [sb3] extra: pip install 'coachable[sb3]'")
+
+from coachable import cli
+from coachable.analysis.training_table import by_seed, final
+from coachable.behaviours.text.parser import parse
+from coachable.errors import BehaviourError, CoachableError, PlanError, RunFolderError
+from coachable.studies.store import Run, TrainingRun, open_run
+from coachable.studies.training import load_training, parse_training
+from coachable.studies.training_lane import make_env, walk_episodes
+from coachable.studies.training_runner import run_training
+
+pytestmark = pytest.mark.sb3
+
+SWING = """
+behaviour "swing"
+
+signals
+  height        the cosine of the angle from upright
+  speed         angular velocity
+
+phases
+  low "hangs":    height < 0
+  high "stands":  height >= 0
+
+cycle
+  low -> high -> low
+"""
+
+PLAN = """
+env = "Pendulum-v1"
+behaviour = "swing.behaviour"
+steps = 256
+evaluate_every = 128
+evaluation_episodes = 2
+[signals]
+height = 0
+speed = 2
+[setups.alone]
+weight = 0
+[setups.both]
+weight = 0.5
+append_phase = true
+[sb3]
+n_steps = 64
+batch_size = 32
+n_epochs = 1
+normalize = true
+"""
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("plans")
+    (folder / "swing.behaviour").write_text(SWING)
+    (folder / "swing.toml").write_text(PLAN)
+    return folder / "swing.toml"
+
+
+@pytest.fixture(scope="module")
+def run(plan, tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "swing"
+    return run_training(load_training(plan), out, progress=False, track=True)
+
+
+def test_the_folder_holds_what_was_trained(run):
+    assert run.status == "complete"
+    assert run.manifest["env"] == "Pendulum-v1"
+    assert run.plan.name == "Pendulum-v1"
+    assert not (run.path / "checkpoints").exists()
+    assert {path.name for path in (run.path / "policies").glob("*.json")} == {
+        f"{setup}-0-{which}.json" for setup in ("alone", "both") for which in ("last", "best")
+    }
+    assert list((run.path / "tensorboard" / "both-0").glob("events*"))
+    assert isinstance(open_run(run.path), TrainingRun)
+
+
+def test_evaluations_are_what_the_last_policy_reaches(run):
+    columns = run.columns("evaluations")
+    assert sorted(set(columns["step"])) == [128, 256]
+    for setup in run.plan.setups:
+        env = make_env(run.plan, setup, run.behaviour)
+        again = walk_episodes(env, run.policy(setup.name, 0), 2, outside=2)
+        mine = (columns["lane"] == f"{setup.name}-0") & (columns["step"] == 256)
+        for name in ("return", "environment", "behaviour", "length", "share_in_cycle"):
+            np.testing.assert_allclose(columns[name][mine], again[name], rtol=1e-4, err_msg=name)
+        assert (columns["length"][mine] == 200).all()
+        assert not columns["fell"][mine].any(), "an episode that was cut off has not fallen"
+
+
+def test_returns_add_up_and_episodes_follow_one_another(run):
+    for table in ("episodes", "evaluations"):
+        columns = run.columns(table)
+        np.testing.assert_allclose(
+            columns["return"], columns["environment"] + columns["behaviour"], rtol=1e-4
+        )
+        alone = columns["lane"] == "alone-0"
+        assert alone.any()
+        assert (columns["behaviour"][alone] == 0).all()
+        assert (columns["behaviour"][~alone] > 0).any()
+    episodes = run.columns("episodes")
+    assert list(episodes["end_step"]) == [200, 200], "an episode a lane, of 256 steps"
+
+
+def test_the_appended_phase_is_part_of_the_policys_input(run):
+    assert run.policy("alone", 0).weights[0].shape[1] == 3
+    assert run.policy("both", 0).weights[0].shape[1] == 3 + 3
+    assert run.policy("both", 0).scale is not None
+
+
+def test_the_same_command_finds_it_complete_and_another_plan_is_refused(run, plan):
+    again = run_training(load_training(plan), run.path, progress=False)
+    assert again.manifest == run.manifest
+    with pytest.raises(RunFolderError, match="steps: 256 → 300"):
+        run_training(load_training(plan, steps=300), run.path, progress=False)
+
+
+def test_means_by_seed_are_those_of_the_table(run):
+    steps, rows = by_seed(run, "both", "return")
+    assert list(steps) == [128, 256]
+    columns = run.columns("evaluations")
+    mine = (columns["lane"] == "both-0") & (columns["step"] == 256)
+    assert rows.shape == (1, 2)
+    assert rows[0, 1] == pytest.approx(columns["return"][mine].mean(), rel=1e-6)
+    assert final(run, "both", "return").value == pytest.approx(rows[0, 1])
+
+
+def test_stopped_it_goes_on_from_its_checkpoint(plan, tmp_path):
+    training = load_training(plan, seeds=1)
+    counted = []
+
+    def interrupted(works, workers, hear, watch):
+        def tell(news):
+            counted.append(news.steps)
+            if news.steps == 128:
+                raise KeyboardInterrupt
+
+        works[0].run(tell)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("coachable.studies.training_runner.run_lanes", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            run_training(training, tmp_path / "run", progress=False)
+    stopped = TrainingRun.open(tmp_path / "run")
+    assert stopped.status == "interrupted"
+    assert counted[-1] == 128
+    assert len(stopped.columns("evaluations")["step"]) == 2
+    done = run_training(training, tmp_path / "run", progress=False)
+    assert done.status == "complete"
+    steps = done.columns("evaluations")
+    assert list(steps["step"][steps["lane"] == "alone-0"]) == [128, 128, 256, 256]
+
+
+def test_the_environments_reward_can_be_put_together_anew(plan):
+    text = PLAN.replace("[setups.alone]\nweight = 0", "[setups.alone]\nweight = 0\nterms = { bonus = 2 }")
+    training = parse_training(text, "plan.toml")
+    env = make_env(training, training.setup("alone"), parse(SWING))
+    env.reset(seed=0)
+    with pytest.raises(CoachableError, match="no term 'bonus'"):
+        env.step(env.action_space.sample())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "message"),
+    [
+        ("Pendulum-v1", "Pendulun-v1", PlanError, "cannot be made"),
+        ("Pendulum-v1", "no_such_module:Thing-v0", PlanError, "cannot be made"),
+        ("Pendulum-v1", "CartPole-v1", PlanError, "actions must be a row"),
+        ("height = 0\n", "", CoachableError, "height"),
+        ("speed = 2", "speed = 9", PlanError, "a signal is not where the plan says"),
+        ("n_steps = 64", "n_stepz = 64", PlanError, "no setting 'n_stepz'"),
+        ("swing.behaviour", "swim.behaviour", BehaviourError, "swim"),
+    ],
+)
+def test_what_cannot_be_trained_is_refused_before_a_folder_is_made(plan, tmp_path, old, new, error, message):
+    assert old in PLAN
+    text = PLAN.replace(old, new)
+    training = parse_training(text, "plan.toml", plan.parent)
+    with pytest.raises(error, match=message):
+        run_training(training, tmp_path / "run", progress=False)
+    assert not (tmp_path / "run").exists()
+
+
+def call(capsys, *arguments):
+    try:
+        cli.main([str(argument) for argument in arguments])
+        status = 0
+    except SystemExit as stopped:
+        status = stopped.code
+    out, err = capsys.readouterr()
+    return out, err, status
+
+
+def test_the_table_of_a_training_is_printed_and_drawn(run, tmp_path, capsys):
+    out, _, status = call(capsys, "table", run.path, "--out", tmp_path)
+    assert status == 0
+    assert "2 setups × 1 seed × 256 steps" in out
+    assert "alone" in out
+    assert (tmp_path / "table.md").read_text().count("|") > 20
+    with Image.open(tmp_path / "learning_curves.png") as picture:
+        assert picture.size[0] > 1000
+
+
+def test_a_trained_robot_can_be_watched(run, tmp_path, capsys):
+    film = tmp_path / "swing.gif"
+    _, err, status = call(capsys, "watch", run.path, "--setup", "both", "--seconds", 0.5, "-o", film)
+    assert status == 0, err
+    with Image.open(film) as picture:
+        assert picture.n_frames > 5
+    _, err, status = call(capsys, "watch", run.path, "-o", tmp_path / "swing.png")
+    assert status == 2
+    assert "films" in err
+
+
+def test_commands_for_studies_say_that_this_is_a_training(run, tmp_path, capsys):
+    with pytest.raises(RunFolderError, match="not a study of the compass walker"):
+        Run.open(run.path)
+    _, err, _ = call(capsys, "report", run.path, "-o", tmp_path / "report.html")
+    assert "not a study of the compass walker" in err
+
+
+def test_a_damaged_training_is_refused_with_the_file(run, tmp_path):
+    copy = shutil.copytree(run.path, tmp_path / "copy")
+    manifest = json.loads((copy / "manifest.json").read_text())
+    (copy / "evaluations.parquet").write_bytes(b"no table")
+    with pytest.raises(RunFolderError, match=r"evaluations\.parquet is damaged"):
+        TrainingRun.open(copy).columns("evaluations")
+    del manifest["reward_hashes"]
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(RunFolderError, match="lacks 'reward_hashes'"):
+        TrainingRun.open(copy)
+
+
+def test_train_needs_an_environment_and_knows_its_own(tmp_path, capsys):
+    _, err, status = call(capsys, "train", "--behaviour", "hop")
+    assert status == 2
+    assert "which environment" in err
+    _, err, status = call(capsys, "train", "--env", "Walker2d-v5", "--behaviour", "hop", "--trainer", "ppo")
+    assert status == 2
+    assert "take sb3-ppo" in err
