@@ -1,13 +1,17 @@
 """What docs/environments.md shows works: its Python prints what its comments say."""
 
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from coachable import cli
 from coachable.behaviours.text.document import formatted_file
+from coachable.studies import sb3_lane, training_runner, training_walks
 
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")
@@ -18,7 +22,7 @@ BLOCKS = re.findall(r"^```(\w+) ?(\S*)\n(.*?)^```$", GUIDE, re.DOTALL | re.MULTI
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("guide")
     for kind, name, text in BLOCKS:
-        if kind == "behaviour":
+        if kind in ("behaviour", "toml"):
             (folder / name).write_text(text, encoding="utf-8")
     return folder
 
@@ -38,6 +42,32 @@ def test_the_python_prints_what_its_comments_say(folder):
         [sys.executable, "-c", "\n".join(codes)], cwd=folder, capture_output=True, text=True, encoding="utf-8"
     )
     assert (done.stdout + done.stderr).split() == shown.split()
+
+
+def test_its_commands_run(folder, monkeypatch, capsys):
+    """With fewer steps, fewer seeds and all in one process: what is trained here need not be good."""
+    for module in ("mujoco", "stable_baselines3", "onnx"):
+        pytest.importorskip(module)
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sb3_lane, "SECONDS_BETWEEN_CHECKPOINTS", 1e9)
+    monkeypatch.setattr(training_runner, "run_lanes", one_after_another)
+    monkeypatch.setattr(training_walks, "_picture", lambda env: np.zeros((48, 48, 3), np.uint8))
+    commands = [line for kind, _, text in BLOCKS if kind == "sh" for line in text.splitlines()]
+    assert len(commands) == 4
+    for command in commands:
+        program, *arguments = shlex.split(command)
+        assert program == "coachable"
+        few = ["--steps", "600", "--seeds", "1"] if arguments[0] == "train" else []
+        cli.main([*arguments, *few])
+    assert (folder / "hop.gif").stat().st_size > 1000
+    assert (folder / "hop.onnx").stat().st_size > 1000
+    table = (folder / "runs" / "hops" / "table.md").read_text()
+    assert all(f"| {setup} |" in table for setup in ("alone", "both", "described"))
+
+
+def one_after_another(works, num_workers, hear, watch):
+    for index, work in enumerate(works):
+        work.run(lambda news, index=index: hear(index, news))
 
 
 @pytest.mark.parametrize("target", sorted(set(re.findall(r"\]\(((?!https:)[^)#]+)\)", GUIDE))))

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from coachable.analysis.figures import WIDTH
 from coachable.analysis.intervals import Estimate, estimate, interval, mean
@@ -38,9 +39,9 @@ def tell_training(run: TrainingRun, folder: Path) -> None:
         console = Console(width=_COLUMNS)
     grid = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for name in header:
-        grid.add_column(name)
+        grid.add_column(Text(name))
     for row in rows:
-        grid.add_row(*row)
+        grid.add_row(*map(Text, row))
     title = heading(run)
     console.print(title, style="bold", highlight=False)
     console.print(grid)

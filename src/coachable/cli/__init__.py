@@ -18,6 +18,7 @@ COMMANDS = {
     "study": studies.study,
     "train": training.train,
     "table": studies.table,
+    "compare": studies.compare,
     "report": studies.report,
     "watch": walks.watch,
     "baseline": walks.baseline,

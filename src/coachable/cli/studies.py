@@ -105,6 +105,29 @@ def table(
         print(f"wrote {path}")
 
 
+def compare(
+    run: Annotated[Positional[Path], arg(metavar="RUN", help="A run folder, the --out of a study.")],
+    other: Annotated[Positional[Path], arg(metavar="RUN", help="Another one, with a setup in common.")],
+    out: Annotated[Path, arg(aliases=["-o"], metavar="DIR", help="Where to write to.")] = Path("comparison"),
+) -> None:
+    """Lay the curves of two studies over each other, and test whether their runs differ.
+
+    For example:
+
+        coachable compare runs/paper runs/sb3 -o runs/paper-and-sb3
+    """
+    from coachable.analysis.comparison import tell_comparison
+    from coachable.analysis.measurements import measure
+    from coachable.studies.store import load_run
+
+    studies = {}
+    for path in (run, other):
+        opened = load_run(path)
+        title = f"{opened.plan.name}, {opened.plan.trainer}"
+        studies[title if title not in studies else f"{title}, {path.name}"] = measure(opened)
+    tell_comparison(studies, out)
+
+
 def report(
     runs: Annotated[
         Positional[tuple[Path, ...]],
