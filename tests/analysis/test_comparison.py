@@ -65,8 +65,8 @@ def test_a_better_study_is_told_to_be_better_by_as_much():
 
 
 def test_equal_distributions_rarely_look_different():
-    ps = [compared(study(2 * i), study(2 * i + 1), "orthant")[1].p for i in range(40)]
-    assert 0.3 < np.mean(ps) < 0.7
+    ps = [compared(study(2 * i), study(2 * i + 1), "orthant")[1].p for i in range(12)]
+    assert 0.25 < np.mean(ps) < 0.75
 
 
 def test_what_was_not_measured_is_left_out():
