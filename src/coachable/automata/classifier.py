@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.predicates import Predicate, holds
+from coachable.behaviours.predicates import Predicate, decision
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Classifier:
     """𝒪: which phase of a behaviour a state is in, for arrays of NumPy, JAX (traced ones, too) and torch.
 
     It is an immutable value that can be compared and hashed, so it can be a static field of a module. The
-    code it runs on arrays is `holds`, the very function that decides for plain floats: there is one
+    code it runs on arrays is `decision`, the very function that decides for plain floats: there is one
     operator table, and nothing to keep in step.
     """
 
@@ -84,7 +84,7 @@ def holds_at(predicate: Predicate, values: Mapping[str, Float[Any, "*batch"]]) -
     like = next(iter(values.values()))
     xp = array_library(like)
     with np.errstate(all="ignore"):
-        return holds(predicate, values, _Torch(xp, like) if xp.__name__ == "torch" else xp)
+        return decision(predicate, _Torch(xp, like) if xp.__name__ == "torch" else xp)(values)
 
 
 def array_library(array: Any) -> ModuleType:

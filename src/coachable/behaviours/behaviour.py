@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
 
 from coachable.behaviours.expressions import Constant, Expression, Variable, subexpressions
 from coachable.behaviours.predicates import (
@@ -41,6 +42,14 @@ class Dwell:
             object.__setattr__(self, field, value)
         if math.isinf(self.at_least):
             raise BehaviourError("a phase that must last for ever could never be left")
+
+    def too_short(self, time: Any, tolerance: Any) -> Any:
+        """Whether a phase left after a time [s], or after each in an array, is left too soon."""
+        return time < self.at_least - tolerance
+
+    def too_long(self, time: Any, tolerance: Any) -> Any:
+        """Whether a phase in which one still is after a time [s] should have been left."""
+        return time > self.at_most + tolerance
 
 
 @dataclass(frozen=True)

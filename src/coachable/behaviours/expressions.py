@@ -171,18 +171,20 @@ class Floats:
 
     @staticmethod
     def minimum(x: float, y: float) -> float:
-        """The lesser of two numbers; NaN if either is."""
-        return math.nan if math.isnan(x) or math.isnan(y) else min(x, y)
+        """The lesser of two numbers, y if they are equal as zeros are; NaN if either is."""
+        return x if x < y or math.isnan(x) else y
 
     @staticmethod
     def maximum(x: float, y: float) -> float:
-        """The greater of two numbers; NaN if either is."""
-        return math.nan if math.isnan(x) or math.isnan(y) else max(x, y)
+        """The greater of two numbers, y if they are equal as zeros are; NaN if either is."""
+        return x if x > y or math.isnan(x) else y
 
 
-def evaluate(
-    expression: Expression, values: Mapping[str, typing.Any], functions: typing.Any = Floats
-) -> typing.Any:
+Values = Mapping[str, typing.Any]
+"""The signals by name: floats, or arrays of any one library."""
+
+
+def evaluate(expression: Expression, values: Values, functions: typing.Any = Floats) -> typing.Any:
     """The value of an expression at the given signal values.
 
     **Arguments:** `values`: floats, or arrays of any one library; `functions`: where that library keeps
@@ -190,23 +192,52 @@ def evaluate(
 
     **Raises:** `KeyError` for a signal without a value.
     """
+    worth = compiled(expression, functions)
+    return worth(values) if callable(worth) else worth
+
+
+def compiled(
+    expression: Expression, functions: typing.Any = Floats
+) -> float | Callable[[Values], typing.Any]:
+    """What `evaluate` does with an expression, worked out but for the signals' values.
+
+    **Returns:** the number that it is, the same one whatever library the signals are in, if it is made of
+    numbers alone; otherwise a function of the signals' values.
+    """
     match expression:
         case Number(value):
             return value
         case Constant(number=number):
             return number.value
         case Variable(signal):
-            return values[signal]
+            return operator.itemgetter(signal)
         case Negative(operand):
-            return -evaluate(operand, values, functions)
+            return applied(operator.neg, compiled(operand, functions))
         case Arithmetic(left, symbol, right):
-            return _ARITHMETIC[symbol](evaluate(left, values, functions), evaluate(right, values, functions))
+            return applied(_ARITHMETIC[symbol], compiled(left, functions), compiled(right, functions))
         case Call(function, arguments):
-            operands = [evaluate(argument, values, functions) for argument in arguments]
-            # What is made of numbers alone is a number, the same one whatever library the signals are in.
-            numbers = all(type(operand) is float for operand in operands)
-            apply = getattr(Floats if numbers else functions, FUNCTIONS[function])
-            return reduce(apply, operands) if len(operands) > 1 else apply(*operands)
+            operands = [compiled(argument, functions) for argument in arguments]
+
+            def call(*operands: typing.Any) -> typing.Any:
+                numbers = not any(map(callable, operands))
+                return applied(getattr(Floats if numbers else functions, FUNCTIONS[function]), *operands)
+
+            return reduce(call, operands) if len(operands) > 1 else call(*operands)
+
+
+def applied(operation: Callable, *operands: typing.Any) -> typing.Any:
+    """An operation of one or two operands, each of them a number or a function of the signals' values."""
+    match [(operand, callable(operand)) for operand in operands]:
+        case [(x, True)]:
+            return lambda values: operation(x(values))
+        case [(x, True), (y, True)]:
+            return lambda values: operation(x(values), y(values))
+        case [(x, True), (y, False)]:
+            return lambda values: operation(x(values), y)
+        case [(x, False), (y, True)]:
+            return lambda values: operation(x, y(values))
+        case _:
+            return operation(*operands)
 
 
 def subexpressions(expression: Expression) -> Iterator[Expression]:

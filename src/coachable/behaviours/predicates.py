@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import operator
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial
 from types import MappingProxyType
 
 from coachable.behaviours.expressions import (
@@ -19,8 +19,10 @@ from coachable.behaviours.expressions import (
     Expression,
     Floats,
     Number,
+    Values,
     Variable,
-    evaluate,
+    applied,
+    compiled,
     expression_of,
     subexpressions,
 )
@@ -222,6 +224,9 @@ class Not:
 
 Predicate = Comparison | Between | Near | Phrase | All | Any | Not
 
+Decision = Callable[[Values], typing.Any]
+"""From the signals' values to whether a predicate holds there."""
+
 
 def _operand(predicate: Predicate) -> str:
     return f"({predicate})" if isinstance(predicate, All | Any) else str(predicate)
@@ -238,9 +243,7 @@ def _deadband_text(deadband: Number | None) -> str:
     return "" if deadband is None else f" deadband {deadband}"
 
 
-def holds(
-    predicate: Predicate, values: Mapping[str, typing.Any], functions: typing.Any = Floats
-) -> typing.Any:
+def holds(predicate: Predicate, values: Values, functions: typing.Any = Floats) -> typing.Any:
     """Whether the predicate holds at the given signal values; deadbands play no part.
 
     The values may be floats or arrays of any library with elementwise `<`, `&`, `|` and `^`; for floats
@@ -250,20 +253,59 @@ def holds(
 
     **Raises:** `KeyError` for a signal without a value.
     """
+    return decision(predicate, functions)({name: values[name] for name in signals_of(predicate)})
+
+
+def decision(predicate: Predicate, functions: typing.Any = Floats) -> Decision:
+    """What `holds` does with a predicate, worked out but for the signals' values, for whoever asks often.
+
+    For floats no more is asked than it takes to decide, so a value that is missing need not be missed.
+    """
     match predicate:
         case Comparison(left=left, relation=relation, right=right):
-            return OPERATORS[relation](evaluate(left, values, functions), evaluate(right, values, functions))
+            answer = applied(OPERATORS[relation], compiled(left, functions), compiled(right, functions))
+            return answer if callable(answer) else lambda values: answer
         case Between() | Near():
-            return holds(All(*comparisons_of(predicate)), values, functions)
+            return decision(All(*comparisons_of(predicate)), functions)
         case Phrase(predicate=inner):
-            return holds(inner, values, functions)
-        case All(parts=parts):
-            return reduce(operator.and_, (holds(part, values, functions) for part in parts), True)
-        case Any(parts=parts):
-            return reduce(operator.or_, (holds(part, values, functions) for part in parts), False)
+            return decision(inner, functions)
+        case All() | Any():
+            decisions = [decision(part, functions) for part in _flat(type(predicate), predicate)]
+            return _in_turn(operator.and_ if isinstance(predicate, All) else operator.or_, decisions)
         case Not(part):
             # `~` would turn Python's True into −2; exclusive or negates Python's and every array's booleans.
-            return holds(part, values, functions) ^ True
+            return applied(partial(operator.xor, True), decision(part, functions))
+
+
+def _flat(kind: type, predicate: Predicate) -> Iterator[Predicate]:
+    """The parts of a conjunction, or a disjunction, and those of the same kind in it, phrases entered."""
+    match predicate:
+        case Phrase(predicate=inner):
+            yield from _flat(kind, inner)
+        case All(parts=parts) | Any(parts=parts) if isinstance(predicate, kind):
+            for part in parts:
+                yield from _flat(kind, part)
+        case _:
+            yield predicate
+
+
+def _in_turn(join: Callable, decisions: Sequence[Decision]) -> Decision:
+    """Decisions joined by `and` or `or`: over, for floats, with the first that decides it."""
+    if len(decisions) == 1:
+        return decisions[0]
+    neutral = join is operator.and_
+    # Only Python's own answers are one of its two booleans: an array of them is asked to the end.
+    decisive = not neutral
+
+    def decide(values: Values) -> typing.Any:
+        answer = neutral
+        for one in decisions:
+            answer = join(answer, one(values))
+            if answer is decisive:
+                break
+        return answer
+
+    return decide
 
 
 def constants_of(predicate: Predicate) -> tuple[Constant, ...]:
