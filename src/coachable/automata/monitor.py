@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
+from coachable.automata.decision_diagram import DecisionDiagram
 from coachable.automata.report import Report, Stays
 from coachable.automata.tracker import CLOCK_TOLERANCE, Tracker
 from coachable.automata.violation import Kind, Violation, seconds
@@ -36,6 +37,7 @@ class Monitor:
     def __init__(self, behaviour: Behaviour):
         self.behaviour = behaviour
         self._tracker = Tracker.of(behaviour)
+        self._diagram = DecisionDiagram(self._tracker)
         self._edges = _pairs(behaviour, behaviour.edges)
         self._cycles = [_Cycle(_pairs(behaviour, cycle)) for cycle in behaviour.cycles]
         self._location = self._tracker.none_yet
@@ -62,7 +64,7 @@ class Monitor:
         """
         here = self._sample(t, values)
         tolerance = 0.0 if math.isnan(self._last) else CLOCK_TOLERANCE * (t - self._last)
-        target = self._tracker.at(here, self._location)
+        target = self._diagram.locate(here, self._location)
         found = []
         if target != self._location:
             found = self._move(target, t, tolerance, here)
@@ -150,7 +152,7 @@ class Monitor:
             kinds.append(Kind.LEFT)
         elif source != outside and (source, target) not in self._edges:
             kinds.append(Kind.NOT_AN_EDGE)
-        if dwell is not None and self._entered and time - self._since < dwell.at_least - tolerance:
+        if dwell is not None and self._entered and dwell.too_short(time - self._since, tolerance):
             kinds.append(Kind.TOO_SHORT)
         found = [self._violation(kind, target, time, here) for kind in kinds]
         for cycle in self._cycles:

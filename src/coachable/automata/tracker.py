@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from coachable.automata.classifier import Classifier, array_library, holds_at
 from coachable.behaviours.behaviour import Behaviour, Dwell, Phase
-from coachable.behaviours.predicates import All, Comparison, Phrase, Predicate, holds, subpredicates
+from coachable.behaviours.predicates import Comparison, Predicate, subpredicates
 from coachable.behaviours.rewriting import expanded, widened
 
 CLOCK_TOLERANCE = 1e-3
@@ -112,9 +110,9 @@ class Tracker:
         for index, dwell in enumerate(self.dwells):
             if dwell is not None:
                 was_there = previous == index
-                too_early = (time < dwell.at_least - tolerance) & memory.entered
+                too_early = memory.entered & dwell.too_short(time, tolerance)
                 too_short = too_short | (was_there & moved & too_early)
-                too_long = too_long | (was_there & ~moved & (time > dwell.at_most + tolerance))
+                too_long = too_long | (was_there & ~moved & dwell.too_long(time, tolerance))
         after = Memory(
             location,
             xp.where(moved, 0.0, time),
@@ -168,26 +166,6 @@ class Tracker:
             sample = out + 1
         return location
 
-    def at(self, values: Mapping[str, float], previous: int) -> int:
-        """Where a run is at one sample, for plain floats: what `along` gives, without the cost of arrays."""
-        outside = self.classifier.outside
-        if any(math.isnan(values[name]) for name in self.classifier.signals):
-            return outside
-        staying = self.staying[previous] if previous < outside else None
-        # NumPy's functions, so that a sine is the same to the last bit as in a column.
-        with np.errstate(all="ignore"):
-            if staying is not None and holds(staying, values, np):
-                return previous
-            for index, conditions in enumerate(self._conditions):
-                if all(holds(condition, values, np) for condition in conditions):
-                    return index
-        return outside
-
-    @cached_property
-    def _conditions(self) -> tuple[tuple[Predicate, ...], ...]:
-        """What must hold in each phase, one by one, so that one sample need not be asked for all of it."""
-        return tuple(tuple(_conditions(predicate)) for predicate in self.classifier.predicates)
-
     def _fresh(self, signals: Float[Any, "*batch num_signals"], location: Int[Any, "*batch"]) -> Memory:
         if not self.has_dwells:
             return Memory(location)
@@ -201,17 +179,6 @@ def has_deadband(predicate: Predicate) -> bool:
         isinstance(part, Comparison) and part.deadband is not None and part.deadband.value > 0
         for part in subpredicates(expanded(predicate))
     )
-
-
-def _conditions(predicate: Predicate) -> Iterator[Predicate]:
-    match predicate:
-        case All(parts=parts):
-            for part in parts:
-                yield from _conditions(part)
-        case Phrase(predicate=part):
-            yield from _conditions(part)
-        case _:
-            yield predicate
 
 
 def _dwell(phase: Phase) -> Dwell | None:
