@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-import jax
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import RecordConstructorArgs
@@ -17,8 +16,9 @@ from coachable.behaviours.library import load_behaviour
 from coachable.behaviours.suggestion import suggestion
 from coachable.envs.environment_signals import OnNaN, Signals, numbers_of_one, reader_of_one, time_step
 from coachable.errors import ParameterError
-from coachable.rewards.described_reward import DescribedReward, RewardMemory, Shaping, StepInfo
+from coachable.rewards.described_reward import DescribedReward, Shaping
 from coachable.rewards.phase_reward import Variant
+from coachable.rewards.run_reward import RunReward
 
 
 class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
@@ -90,107 +90,69 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         gymnasium.Wrapper.__init__(self, env)
         require_known_on_nan(on_nan)
         self.behaviour_reward = described_reward(env, behaviour, variant, dt, cycle_bonus, shaping)
+        self._run = RunReward(self.behaviour_reward)
+        self._names = self.behaviour_reward.phase_names
         self.on_nan: OnNaN = on_nan
         self.weight, self.replace, self.append_phase, self.key = weight, replace, append_phase, key
         behaviour = self.behaviour_reward.behaviour
         self._read = reader_of_one(env, behaviour.signal_names, signals)
         if append_phase:
             self.observation_space = with_phase(env.observation_space, len(behaviour.phases) + 1)
-        self._memory: RewardMemory | None = None
-        self._known: dict[tuple, tuple[RewardMemory, float, StepInfo, dict[str, bool]]] = {}
-        self._steps = 0
+        self._steps: int | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; nothing is remembered of the last one."""
-        self._memory = None
+        self._steps = None
         observation, info = self.env.reset(seed=seed, options=options)
-        self._memory = _plain(
-            self.behaviour_reward.init(_row(self._signals(observation, info, "after the reset")))
-        )
+        location = self._run.begin(numbers_of_one(self._read(observation, info), self.on_nan, 0))
         self._steps = 0
-        location = int(self._memory.phase.location)
-        return self._seen(observation, location), self._with(info, self._told(location))
+        seen = self._seen(observation, location) if self.append_phase else observation
+        verdict = {"follows": False, "edge": False, "too_short": False, "too_long": False}
+        return seen, self._told(info, location, verdict, 0, 0.0, 0.0)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One step of the environment, paid for where it led."""
-        if self._memory is None:
+        if self._steps is None:
             raise ResetNeeded("no episode has begun; call reset()")
         observation, base, terminated, truncated, info = self.env.step(action)
         self._steps += 1
-        signals = self._signals(observation, info, f"after step {self._steps}")
-        self._memory, paid, step, verdict = self._paid(self._memory, signals, bool(terminated))
-        base, ours = float(base), self.weight * paid
-        location = int(step.phase)
-        told = self._told(
-            location,
-            verdict=dict(verdict),
-            cycles=int(step.cycles),
-            rewards={"base": base, "behaviour": ours},
-        )
+        signals = numbers_of_one(self._read(observation, info), self.on_nan, self._steps)
+        step = self._run.step(signals, bool(terminated))
+        base, ours = float(base), self.weight * step.paid
         reward = ours if self.replace else base + ours
-        return self._seen(observation, location), reward, terminated, truncated, self._with(info, told)
+        seen = self._seen(observation, step.location) if self.append_phase else observation
+        told = self._told(info, step.location, step.verdict, step.cycles, base, ours)
+        return seen, reward, terminated, truncated, told
 
-    def _signals(self, observation: Any, info: Mapping[str, Any], when: str) -> dict[str, float]:
-        return numbers_of_one(self._read(observation, info), self.on_nan, when)
-
-    def _paid(
-        self, memory: RewardMemory, signals: dict[str, float], terminated: bool
-    ) -> tuple[RewardMemory, float, StepInfo, dict[str, bool]]:
-        """What `DescribedReward.step` gives for the step.
-
-        Without dwell times a step is all said by the memory, which has few values, and the location it leads
-        to. So each is worked out once, and looked up ever after: arrays are slow for single numbers.
-        """
-        tracker = self.behaviour_reward.phase_reward.tracker
-        if tracker.has_dwells:
-            return self._worked_out(memory, signals, terminated)
-        step = (memory, tracker.at(signals, memory.phase.location), terminated)
-        if step not in self._known:
-            self._known[step] = self._worked_out(memory, signals, terminated)
-        return self._known[step]
-
-    def _worked_out(
-        self, memory: RewardMemory, signals: dict[str, float], terminated: bool
-    ) -> tuple[RewardMemory, float, StepInfo, dict[str, bool]]:
-        arrays = jax.tree.map(np.asarray, memory)
-        after, paid, step = self.behaviour_reward.step(arrays, _row(signals), terminated)
-        verdict = {name: bool(getattr(step, name)) for name in ("follows", "edge", "too_short", "too_long")}
-        return _plain(after), float(paid), step, verdict
-
-    def _told(self, location: int, **of_the_step: Any) -> dict[str, Any]:
-        told = {"phase": self.behaviour_reward.phase_names[location], "location": location}
-        return {**told, **(of_the_step or nothing_happened())}
-
-    def _with(self, info: dict[str, Any], told: dict[str, Any]) -> dict[str, Any]:
-        require_free(self.key, info)
-        return {**info, self.key: told}
+    def _told(
+        self,
+        info: dict[str, Any],
+        location: int,
+        verdict: Mapping[str, bool],
+        cycles: int,
+        base: float,
+        ours: float,
+    ) -> dict[str, Any]:
+        """The environment's info with what there is to tell of the behaviour."""
+        if self.key in info:
+            raise taken(self.key)
+        return {
+            **info,
+            self.key: {
+                "phase": self._names[location],
+                "location": location,
+                "verdict": {**verdict},
+                "cycles": cycles,
+                "rewards": {"base": base, "behaviour": ours},
+            },
+        }
 
     def _seen(self, observation: Any, location: int) -> Any:
-        if not self.append_phase:
-            return observation
-        phase = np.zeros(len(self.behaviour_reward.phase_names), observation.dtype)
+        phase = np.zeros(len(self._names), observation.dtype)
         phase[location] = 1
         return np.concatenate([observation, phase])
-
-
-def _row(signals: Mapping[str, float]) -> np.ndarray:
-    return np.array([*signals.values()])
-
-
-def _plain(memory: RewardMemory) -> RewardMemory:
-    """The memory in Python's numbers, which can be looked up."""
-    return jax.tree.map(lambda leaf: np.asarray(leaf).item(), memory)
-
-
-def nothing_happened() -> dict[str, Any]:
-    """What is told of a reset: no step, nothing paid."""
-    return {
-        "verdict": {"follows": False, "edge": False, "too_short": False, "too_long": False},
-        "cycles": 0,
-        "rewards": {"base": 0.0, "behaviour": 0.0},
-    }
 
 
 def described_reward(
@@ -222,10 +184,9 @@ def with_phase(space: gymnasium.Space, locations: int) -> gymnasium.spaces.Box:
     )
 
 
-def require_free(key: str, info: Mapping[str, Any]) -> None:
-    """Raise `ParameterError` if the info of the environment has an entry of this name already."""
-    if key in info:
-        raise ParameterError(f"the environment's info has an entry {key!r} already; give another key")
+def taken(key: str) -> ParameterError:
+    """What to raise if the info of the environment has an entry of this name already."""
+    return ParameterError(f"the environment's info has an entry {key!r} already; give another key")
 
 
 def require_known_on_nan(on_nan: str) -> None:

@@ -67,18 +67,23 @@ def reader_of_many(
     return read
 
 
-def numbers_of_one(values: Mapping[str, Any], on_nan: OnNaN, when: str) -> dict[str, float]:
-    """The signals as numbers.
+def numbers_of_one(values: Mapping[str, Any], on_nan: OnNaN, steps: int) -> Mapping[str, float]:
+    """The signals as numbers, so many steps after the reset.
 
     **Raises:** `SignalError`, naming the signal, for what is no single number, and for NaN if so wished.
     """
+    for value in values.values():
+        if type(value) is not float or value != value:
+            return _checked(values, on_nan, f"after step {steps}" if steps else "after the reset")
+    return values
+
+
+def _checked(values: Mapping[str, Any], on_nan: OnNaN, when: str) -> dict[str, float]:
     numbers = {}
     for name, value in values.items():
-        if type(value) is not float:
-            value = float(_array(name, value, (), when))
-        if value != value and on_nan == "raise":
+        numbers[name] = number = float(_array(name, value, (), when))
+        if number != number and on_nan == "raise":
             raise SignalError(f"signal {name!r} is NaN {when}; {_ON_NAN}")
-        numbers[name] = value
     return numbers
 
 

@@ -15,7 +15,7 @@ from gymnasium.vector.utils import batch_space, concatenate, create_empty_array,
 from jaxtyping import Bool, Float
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.envs.behaviour_reward import described_reward, require_free, require_known_on_nan, with_phase
+from coachable.envs.behaviour_reward import described_reward, require_known_on_nan, taken, with_phase
 from coachable.envs.environment_signals import OnNaN, Signals, numbers_of_many, reader_of_many
 from coachable.envs.vector_infos import at_the_end, masked, only
 from coachable.errors import ParameterError
@@ -192,7 +192,8 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
         return {"phase": self._names[location], "location": location.astype(np.int64)}
 
     def _with(self, infos: dict[str, Any], told: dict[str, Any], chosen: Envs) -> dict[str, Any]:
-        require_free(self.key, infos)
+        if self.key in infos:
+            raise taken(self.key)
         return {**infos, self.key: told, f"_{self.key}": chosen.copy()}
 
     def _phases(self) -> np.ndarray:

@@ -122,8 +122,11 @@ class DescribedReward:
     def init(self, signals: Float[Any, "*batch num_signals"]) -> RewardMemory:
         """The memory of episodes that begin with these signals."""
         phase = self.phase_reward.start(signals)
-        none = phase.location * 0
-        return RewardMemory(phase, tuple((none,) * len(cycle) for cycle in self._cycles))
+        return RewardMemory(phase, self.none_gone(phase.location * 0))
+
+    def none_gone(self, none: Int[Any, "*batch"] | int) -> tuple[tuple[Any, ...], ...]:
+        """What is remembered of cycles, in zeros, where nothing of any is gone along."""
+        return tuple((none,) * len(cycle) for cycle in self._cycles)
 
     def step(
         self,
@@ -136,15 +139,30 @@ class DescribedReward:
         **Arguments:** `terminated`, whether the step ends the episode for good, which matters to shaping
         alone. A truncated episode is not terminated.
         """
-        phase, move, pay = self.phase_reward.advance(memory.phase, signals, self.dt or 0.0)
+        phase, move = self.phase_reward.tracker.advance(memory.phase, signals, self.dt or 0.0)
         zero = array_library(signals).zeros_like(signals[..., 0])
+        gone, paid, info = self.worth(memory.gone, move, zero, terminated)
+        return RewardMemory(phase, gone), paid, info
+
+    def worth(
+        self,
+        gone: tuple[tuple[Any, ...], ...],
+        move: Move,
+        zero: Float[Any, "*batch"],
+        terminated: Bool[Any, "*batch"] | bool,
+    ) -> tuple[tuple[tuple[Any, ...], ...], Float[Any, "*batch"], StepInfo]:
+        """What is gone of each cycle after a move, what the move pays, and what it was.
+
+        **Arguments:** `gone`, of each cycle before the move; `zero`, in the form of what is to be paid.
+        """
+        pay = self.phase_reward.pay(move)
         no = move.location != move.location
-        gone, completed = self._count(memory.gone, move)
+        gone, completed = self._count(gone, move)
         if self.shaping is None:
             terms = {"phases": zero + pay}
         else:
             before, after = (self._potential_at(place, zero) for place in (move.previous, move.location))
-            after = array_library(signals).where(no | terminated, zero, after)
+            after = array_library(zero).where(no | terminated, zero, after)
             terms = {"shaping": self.shaping.discount * after - before}
         if self.cycle_bonus:
             terms["cycles"] = self.cycle_bonus * sum(completed, start=zero)
@@ -157,7 +175,7 @@ class DescribedReward:
             cycles=sum(completed, start=move.location * 0),
             terms=terms,
         )
-        return RewardMemory(phase, gone), sum(terms.values(), start=zero), info
+        return gone, sum(terms.values(), start=zero), info
 
     @cached_property
     def phase_reward(self) -> PhaseReward:

@@ -1,0 +1,82 @@
+"""One run in plain floats is paid what `DescribedReward` pays it in arrays, step for step."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from coachable.behaviours import Comparison, Dwell, Edge, Phase
+from coachable.rewards.described_reward import DescribedReward, Shaping
+from coachable.rewards.phase_reward import VARIANTS
+from coachable.rewards.run_reward import RunReward
+from tests.automata.tracked import RUNS, behaviour_of, descriptions
+
+POSITIVE = [Phase("P", "", Comparison("x", ">", 0.0), Dwell(0.5))], []
+VERDICTS = ("follows", "edge", "too_short", "too_long")
+DTS = st.sampled_from([0.25, 0.1, 1 / 3])
+SHAPINGS = st.none() | st.tuples(st.sampled_from([0.0, 0.9, 1.0]), st.floats(-9, 9))
+
+
+def closed(behaviour):
+    """With cycles along all of its phases, there and back, whatever edges it had."""
+    names = behaviour.phase_names
+    walks = [(*names,), (*names, *names[::-1])]
+    cycles = tuple(
+        tuple(Edge(*pair) for pair in zip(walk, (*walk[1:], walk[0]), strict=True)) for walk in walks
+    )
+    edges = tuple(dict.fromkeys((*behaviour.edges, *(edge for cycle in cycles for edge in cycle))))
+    return dataclasses.replace(behaviour, edges=edges, cycles=cycles)
+
+
+@settings(max_examples=100)
+@given(
+    descriptions(),
+    st.lists(st.tuples(RUNS, st.booleans()), min_size=1, max_size=3),
+    st.sampled_from(VARIANTS),
+    DTS,
+    st.sampled_from([0.0, 2.5]),
+    SHAPINGS,
+)
+def test_it_pays_and_tells_what_arrays_do(description, episodes, variant, dt, bonus, shaping):
+    behaviour = behaviour_of(description)
+    behaviour = closed(behaviour) if bonus else behaviour
+    if shaping is not None:
+        discount, potential = shaping
+        shaping = Shaping(discount, {behaviour.phase_names[0]: potential})
+    reward = DescribedReward(behaviour, variant, dt, bonus, shaping)
+    run = RunReward(reward)
+    for xs, terminates in episodes:
+        memory = reward.init(np.array([xs[0]]))
+        assert run.begin({"x": xs[0]}) == memory.phase.location
+        for number, x in enumerate(xs[1:], start=2):
+            terminated = terminates and number == len(xs)
+            memory, paid, info = reward.step(memory, np.array([x]), terminated)
+            step = run.step({"x": x}, terminated)
+            assert step.paid == paid
+            assert (step.location, step.cycles) == (info.phase, info.cycles)
+            assert step.verdict == {name: bool(getattr(info, name)) for name in VERDICTS}
+            assert step.gone == memory.gone
+
+
+def test_it_tells_pythons_own_numbers():
+    behaviour = closed(behaviour_of(POSITIVE))
+    run = RunReward(DescribedReward(behaviour, dt=0.1, cycle_bonus=1.0))
+    run.begin({"x": 0.3})
+    step = run.step({"x": -0.3}, False)
+    assert [type(value) for value in (step.paid, step.location, step.cycles)] == [float, int, int]
+    assert {type(value) for value in step.verdict.values()} == {bool}
+
+
+@pytest.mark.parametrize("terminated", [False, True])
+def test_what_a_step_is_worth_is_worked_out_once(terminated, monkeypatch):
+    reward = DescribedReward(behaviour_of(POSITIVE), dt=0.1)
+    asked, worth = [], DescribedReward.worth
+    monkeypatch.setattr(DescribedReward, "worth", lambda *args: asked.append(args) or worth(*args))
+    run = RunReward(reward)
+    for _ in range(3):
+        run.begin({"x": 0.3})
+        for _ in range(20):
+            run.step({"x": 0.3}, terminated)
+    assert len(asked) == 1
