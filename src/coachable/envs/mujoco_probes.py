@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -15,7 +16,7 @@ X, Y, Z = 0, 1, 2
 
 
 class MujocoSimulation:
-    """A MuJoCo environment's model and data, and a look at where its parts are.
+    """A MuJoCo environment's model and data, and a look at what was asked for of where its parts are.
 
     After a step MuJoCo's positions of bodies and geoms are those before its last small step, while joints are
     where they are after it. So positions are worked out anew, on data of our own: the environment's stay as
@@ -25,35 +26,51 @@ class MujocoSimulation:
     def __init__(self, env: gymnasium.Env):
         import mujoco
 
-        self._mujoco: Any = mujoco
         self.model: Any = env.unwrapped.model  # pyright: ignore[reportAttributeAccessIssue]
         self.data: Any = env.unwrapped.data  # pyright: ignore[reportAttributeAccessIssue]
-        self.now: Any = self._mujoco.MjData(self.model)
-        """Where everything is at this moment. There are no forces and no velocities in here."""
-        self.pressing: set[int] = set()
-        """The geoms that press on the floor."""
         self.floor = int(self.model.geom("floor").id)
-        self._force = np.zeros(6)
+        self.mujoco: Any = mujoco
+        self._place, self._contact_force = self.mujoco.mj_kinematics, self.mujoco.mj_contactForce
+        self._now: Any = None
+        self._pressing: set[int] | None = None
+        self._qpos, self._force = self.data.qpos, np.zeros(6)
+
+    @property
+    def now(self) -> Any:
+        """Where everything is at this moment, for a probe to keep; no forces, no velocities."""
+        if self._now is None:
+            self._now = self.mujoco.MjData(self.model)
+        return self._now
+
+    @property
+    def pressing(self) -> set[int]:
+        """The geoms that press on the floor at this moment, for a probe to keep."""
+        if self._pressing is None:
+            self._pressing = set()
+        return self._pressing
 
     def look(self) -> None:
-        """Work out where everything is, and what presses on the floor."""
-        self.now.qpos[:] = self.data.qpos
-        self._mujoco.mj_kinematics(self.model, self.now)
-        self.pressing.clear()
-        for index, pair in enumerate(self.data.contact.geom.tolist()):
-            if self.floor in pair:
-                self._mujoco.mj_contactForce(self.model, self.data, index, self._force)
-                normal_force = self._force[0]
-                if normal_force > 0:
-                    self.pressing.update(pair)
+        """Work out where everything is and what presses on the floor, each if a probe has asked for it."""
+        if self._now is not None:
+            self._now.qpos[:] = self._qpos
+            self._place(self.model, self._now)
+        if self._pressing is not None:
+            self._pressing.clear()
+            data = self.data
+            if data.ncon:
+                for index, pair in enumerate(data.contact.geom.tolist()):
+                    if self.floor in pair:
+                        self._contact_force(self.model, data, index, self._force)
+                        normal_force = self._force.item(0)
+                        if normal_force > 0:
+                            self._pressing.update(pair)
 
 
 def joint(name: str, sign: int = 1) -> ReadingOf:
     """A joint's coordinate, a positive one of the joint as `sign`."""
 
     def of(simulation: MujocoSimulation) -> Reading:
-        qpos, address = simulation.data.qpos, int(simulation.model.joint(name).qposadr[0])
-        return lambda: sign * float(qpos[address])
+        return _signed(simulation.data.qpos, int(simulation.model.joint(name).qposadr[0]), sign)
 
     return of
 
@@ -62,10 +79,14 @@ def joint_velocity(name: str, sign: int = 1, offset: int = 0) -> ReadingOf:
     """A joint's velocity; a free joint has several, to be told apart by `offset`."""
 
     def of(simulation: MujocoSimulation) -> Reading:
-        qvel, address = simulation.data.qvel, int(simulation.model.joint(name).dofadr[0]) + offset
-        return lambda: sign * float(qvel[address])
+        return _signed(simulation.data.qvel, int(simulation.model.joint(name).dofadr[0]) + offset, sign)
 
     return of
+
+
+def _signed(numbers: np.ndarray, index: int, sign: int) -> Reading:
+    # `item` is the quickest way from an array to a plain float.
+    return partial(numbers.item, index) if sign == 1 else lambda: sign * numbers.item(index)
 
 
 def joint_angle(name: str, description: str, hinge: str, sign: int) -> tuple[Probe, Probe]:
@@ -78,7 +99,7 @@ def torso(axis: int) -> ReadingOf:
 
     def of(simulation: MujocoSimulation) -> Reading:
         place = simulation.now.body("torso").xpos
-        return lambda: float(place[axis])
+        return partial(place.item, axis)
 
     return of
 
@@ -87,8 +108,8 @@ def foot_contact(foot: str) -> ReadingOf:
     """Whether a geom presses on the floor, 1 or 0."""
 
     def of(simulation: MujocoSimulation) -> Reading:
-        geom = int(simulation.model.geom(foot).id)
-        return lambda: float(geom in simulation.pressing)
+        geom, pressing = int(simulation.model.geom(foot).id), simulation.pressing
+        return lambda: 1.0 if geom in pressing else 0.0
 
     return of
 
@@ -98,11 +119,11 @@ def foot_height(foot: str) -> ReadingOf:
 
     def of(simulation: MujocoSimulation) -> Reading:
         geom = simulation.model.geom(foot).id
-        is_capsule = simulation.model.geom_type[geom] == simulation._mujoco.mjtGeom.mjGEOM_CAPSULE
-        radius, half_length = simulation.model.geom_size[geom][:2] * (1.0, float(is_capsule))
+        is_capsule = simulation.model.geom_type[geom] == simulation.mujoco.mjtGeom.mjGEOM_CAPSULE
+        radius, half_length = (simulation.model.geom_size[geom][:2] * (1.0, float(is_capsule))).tolist()
         place, axes = simulation.now.geom_xpos[geom], simulation.now.geom_xmat[geom]
         floor = simulation.now.geom_xpos[simulation.floor]
-        return lambda: float(place[Z] - half_length * abs(axes[8]) - radius - floor[Z])
+        return lambda: place.item(Z) - half_length * abs(axes.item(8)) - radius - floor.item(Z)
 
     return of
 
@@ -113,7 +134,7 @@ def foot_from_hip(foot: str, hip: str, axis: int) -> ReadingOf:
     def of(simulation: MujocoSimulation) -> Reading:
         foot_at = simulation.now.geom_xpos[simulation.model.geom(foot).id]
         hip_at = simulation.now.xanchor[simulation.model.joint(hip).id]
-        return lambda: float(foot_at[axis] - hip_at[axis])
+        return lambda: foot_at.item(axis) - hip_at.item(axis)
 
     return of
 

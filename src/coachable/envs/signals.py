@@ -56,11 +56,11 @@ class SignalPack:
             if name not in probes:
                 raise ParameterError(f"{self.environment} has no signal {name!r}; {suggestion(name, probes)}")
         simulation = self.simulation_of(env)
-        readings = {name: probes[name].of(simulation) for name in names}
+        readings = [(name, probes[name].of(simulation)) for name in names]
 
         def read(observation: Any, info: Mapping[str, Any]) -> dict[str, float]:
             simulation.look()
-            return {name: reading() for name, reading in readings.items()}
+            return {name: reading() for name, reading in readings}
 
         return read
 
