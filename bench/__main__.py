@@ -8,7 +8,7 @@ import os
 import platform
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -58,6 +58,8 @@ def programs(cache: str, quick: bool) -> dict[str, Program]:
         "rtamt, offline": program("rtamt_monitor", 1, num_samples=10_000 // shrink, online=False),
         "rtamt, online": program("rtamt_monitor", 1, num_samples=10_000 // shrink, online=True),
     }
+    others = ("rtamt, online", "pyrewardmachines") if sys.version_info < (3, 13) else ()
+    wrappers = ("coachable", "coachable, Perry's phases", *others)
     return {
         "steps": program(
             "coachable_steps", 3, ONE_XLA_THREAD, num_lanes=WIDEST_GROUP, num_steps=50_000 // shrink
@@ -71,6 +73,8 @@ def programs(cache: str, quick: bool) -> dict[str, Program]:
         "classifier, JAX": classifier("jax", 1000 // shrink),
         "update": program("coachable_update", 5, ONE_XLA_THREAD, num_lanes=8),
         **{f"vector {n}": program("vector_steps", 3, num_envs=n, num_steps=2000 // shrink) for n in VECTORS},
+        "wrapper": program("wrapped_steps", 50, num_steps=500 // shrink, wrappers=wrappers),
+        "wrapper in training": program("wrapped_training", 6),
         "sgemm 1024": program("sgemm", 5, ONE_BLAS_THREAD, size=1024, products=40 // shrink),
         "sgemm 64": program("sgemm", 5, ONE_BLAS_THREAD, size=64, products=50_000 // shrink),
         **{f"lanes {n}": program("coachable_training", 2, num_lanes=n, num_updates=updates) for n in lanes},
@@ -84,25 +88,34 @@ def programs(cache: str, quick: bool) -> dict[str, Program]:
     }
 
 
-def measure_in_turns(rounds: int, quick: bool) -> dict[str, list[Measurement]]:
-    """Every program once a round, so that a machine that slows down slows all of them down."""
+def measure_in_turns(names: Sequence[str], rounds: int, quick: bool) -> dict[str, list[Measurement]]:
+    """Every program once a round, so that a machine that slows down slows all of them down.
+
+    **Arguments:** `names`, which programs, by what their names begin with; all of them if there are none.
+    """
     measured: dict[str, list[Measurement]] = {}
     for turn in range(rounds):
         with tempfile.TemporaryDirectory() as cache:
             for name, program in programs(cache, quick).items():
+                if names and not name.startswith(tuple(names)):
+                    continue
                 print(f"round {turn + 1} of {rounds}: {name}", file=sys.stderr, flush=True)
-                measured.setdefault(name, []).append(measure(program))
+                for work, measurement in measure(program).items():
+                    measured.setdefault(f"{name} {work}".rstrip(), []).append(measurement)
     return measured
 
 
 def main() -> None:
     """Measure, print, and write JSON if asked to."""
     parser = argparse.ArgumentParser(prog="make bench ARGS='…'", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="what the programs' names begin with")
     parser.add_argument("--rounds", type=int, default=3, help="how often everything is measured (default 3)")
     parser.add_argument("--quick", action="store_true", help="tiny sizes, to see that it runs")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every measurement there, too")
     arguments = parser.parse_args()
-    measured = measure_in_turns(arguments.rounds, arguments.quick)
+    measured = measure_in_turns(arguments.names, arguments.rounds, arguments.quick)
+    if not measured:
+        parser.error(f"no such program; there are {', '.join(programs('', arguments.quick))}")
     machine = f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
     print(f"{machine}; medians of {arguments.rounds} rounds\n\n{markdown(report(measured))}")
     if arguments.json:

@@ -17,7 +17,10 @@ from bench.cost import Cost, peak_megabytes, timed
 
 @dataclass(frozen=True)
 class Program:
-    """A module of bench/programs with its sizes; environment variables to set or, with None, to unset."""
+    """A module of bench/programs with its sizes; environment variables to set or, with None, to unset.
+
+    Its `prepare` gives a work and the units it does, or several works by name, to be done in turns.
+    """
 
     module: str
     sizes: Mapping[str, Any]
@@ -46,8 +49,8 @@ class Measurement:
         return self.units / self.usual.wall
 
 
-def measure(program: Program) -> Measurement:
-    """Run a program in a child process and read what it reports."""
+def measure(program: Program) -> dict[str, Measurement]:
+    """Run a program in a child process and read what it reports of its works; a single one has no name."""
     variables = {**os.environ, **program.variables}
     done = subprocess.run(
         [
@@ -65,19 +68,27 @@ def measure(program: Program) -> Measurement:
         check=True,
     )
     report = json.loads(done.stdout.splitlines()[-1])
-    return Measurement(report["units"], Cost(*report["first"]), Cost(*report["usual"]), report["megabytes"])
+    return {
+        name: Measurement(report["units"], Cost(*first), Cost(*usual), report["megabytes"])
+        for name, (first, usual) in report["works"].items()
+    }
 
 
 def main(module: str, sizes: str, repeats: str) -> None:
     """The child's side of `measure`."""
-    work, units = import_module(f"bench.programs.{module}").prepare(**json.loads(sizes))
-    first = timed(work)
-    costs = [timed(work) for _ in range(int(repeats))] or [first]
-    usual = (median(cost.cpu for cost in costs), median(cost.wall for cost in costs))
+    works, units = import_module(f"bench.programs.{module}").prepare(**json.loads(sizes))
+    works = works if isinstance(works, Mapping) else {"": works}
+    first = {name: timed(work) for name, work in works.items()}
+    turns = [{name: timed(work) for name, work in works.items()} for _ in range(int(repeats))] or [first]
     report = {
         "units": units,
-        "first": (first.cpu, first.wall),
-        "usual": usual,
+        "works": {
+            name: [
+                (cost.cpu, cost.wall),
+                (median(turn[name].cpu for turn in turns), median(turn[name].wall for turn in turns)),
+            ]
+            for name, cost in first.items()
+        },
         "megabytes": peak_megabytes(),
     }
     print(json.dumps(report))

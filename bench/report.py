@@ -13,6 +13,7 @@ from coachable.studies.layout import WIDEST_GROUP
 STEPS_A_RUN = 501_760
 STEPS_AN_UPDATE = 2048
 RUNS_A_STUDY = 60
+ALONE = "wrapper alone"
 
 
 @dataclass(frozen=True)
@@ -51,16 +52,23 @@ class Results:
 
 
 def report(measured: Mapping[str, Sequence[Measurement]]) -> list[Row]:
-    """The rows of the table."""
+    """The rows of the table; those about programs that were not measured are left out."""
     results = Results(measured)
     return [
-        *_steps(results),
-        *_monitor(results),
-        *_vectors(results),
-        *_training(results),
-        *_sbx(results),
-        *_update(results),
-        *_scaling(results),
+        row
+        for rows, needed in (
+            (_steps, ["steps"]),
+            (_monitor, ["monitor", "monitor, one by one"]),
+            (_vectors, ["vector 1"]),
+            (_wrapper, [ALONE]),
+            (_wrapper_in_training, [f"wrapper in training {name}" for name in ("alone", "with coachable")]),
+            (_training, ["lanes 1"]),
+            (_sbx, ["lanes 1", "sbx"]),
+            (_update, ["update", "sgemm 1024", "sgemm 64"]),
+            (_scaling, ["lanes 1", "compilation, cold", "compilation, cached"]),
+        )
+        if all(name in measured for name in needed)
+        for row in rows(results)
     ]
 
 
@@ -104,6 +112,35 @@ def _vectors(results: Results) -> list[Row]:
 
     times = [f"{significant(results.wall_ratio(one, name))} × one on the wall" for name in more]
     return [row(one), *(row(name, text, "≤ 5 ×") for name, text in zip(more, times, strict=True))]
+
+
+def _wrapper(results: Results) -> list[Row]:
+    """What wrappers add to a step. The simple behaviour is what others are paid by, too."""
+
+    def row(name: str, asked_for: str = "") -> Row:
+        microseconds = _added(results, name, ALONE)
+        figure = f"{microseconds:+.1f} CPU-µs a step, {100 * _share(results, name, ALONE):+.1f} %"
+        times = microseconds / _added(results, ours, ALONE)
+        comparison = "" if "coachable" in name else f"{significant(times)} × what coachable adds"
+        return Row(f"… {name.removeprefix('wrapper ')}", figure, *results.cost(name), comparison, asked_for)
+
+    ours = "wrapper with coachable"
+    others = [name for name in _named(results, "wrapper with") if name != ours]
+    figure = f"{1e6 / results.rate(ALONE):.1f} CPU-µs a step"
+    return [
+        Row("Walker2d-v5: a step", figure, *results.cost(ALONE)),
+        row(ours, "< 5 %"),
+        *(row(name, "< 5 %" if "coachable" in name else "") for name in others),
+    ]
+
+
+def _wrapper_in_training(results: Results) -> list[Row]:
+    alone, wrapped = (f"wrapper in training {name}" for name in ("alone", "with coachable"))
+    share = f"{100 * _share(results, wrapped, alone):+.1f} %"
+    return [
+        _step_row(results, "Walker2d-v5: sb3 PPO, one thread", alone),
+        _step_row(results, "… with coachable", wrapped, share, "< 10 %"),
+    ]
 
 
 def _training(results: Results) -> list[Row]:
@@ -160,6 +197,16 @@ def _scaling(results: Results) -> list[Row]:
 def _step_row(results: Results, title: str, name: str, comparison: str = "", asked_for: str = "") -> Row:
     figure = f"{significant(results.rate(name))} steps/CPU-s"
     return Row(title, figure, *results.cost(name), comparison, asked_for)
+
+
+def _added(results: Results, name: str, alone: str) -> float:
+    """What a wrapper adds to a step [CPU-µs]."""
+    return _share(results, name, alone) * 1e6 / results.rate(alone)
+
+
+def _share(results: Results, name: str, alone: str) -> float:
+    """The same as a share of a step without it, by the median over rounds."""
+    return results.ratio(alone, name) - 1
 
 
 def _named(results: Results, beginning: str) -> list[str]:
