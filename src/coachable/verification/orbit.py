@@ -2,26 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from coachable.envs.walking_task import Clock
 from coachable.plants.compass import START
-from coachable.verification.section import Loop, Stride, return_map, state_of, stride
-from coachable.verification.walk import Samples, Walk, sample_walk
+from coachable.verification.section import Loop, Stride, linearised
+from coachable.verification.walk import Walk, settle, stacked
 
 PERIODS = (1, 2, 4)
 """How many steps a gait may take until it repeats itself, to be found as a periodic orbit."""
-
-SETTLING_SECONDS = 100.0
-"""How long a walker may take to settle."""
 
 RESIDUAL = 1e-11
 """Largest |Pᵏ(y) − y| of a fixed point, in rad and rad/s."""
@@ -30,65 +25,87 @@ _NEWTON_STEPS = 12
 _LAST = 32
 """How many of the last touchdowns tell what a gait has settled to."""
 _SETTLED = 1e-9
+_ON_ITS_WAY = 100.0
+"""A walk is still settling if its orbit is at most so many times as far away as it moved in a period."""
 _REPEATS = 1e-3
 """Up to here a gait under the free clock counts as repeating itself."""
 
 Kind = Literal["periodic", "wandering", "none"]
 
 
-class FixedPoint(eqx.Module):
+@dataclass(frozen=True, eq=False)
+class FixedPoint:
     """A zero of Pᵏ(y) − y, or where Newton's method gave up."""
 
-    y: Float[Array, "3"]
-    residual: Float[Array, ""]
+    y: Float[np.ndarray, "3"]
+    residual: float
     """Largest component of |Pᵏ(y) − y|; NaN where the walker falls."""
-    jacobian: Float[Array, "3 3"]
+    jacobian: Float[np.ndarray, "3 3"]
     """DPᵏ(y)."""
+    strides: tuple[Stride, ...]
+    """The k steps that start at y."""
 
     @property
-    def found(self) -> Bool[Array, ""]:
+    def found(self) -> bool:
         """Whether it is one, to `RESIDUAL`."""
         return self.residual <= RESIDUAL
 
 
-def iterate(loop: Loop, y: Float[Array, "3"], num_steps: Int[Array, ""] | int) -> Float[Array, "3"]:
-    """Pᵏ(y), k = `num_steps`; NaN if the walker falls on the way."""
-    return lax.fori_loop(0, num_steps, lambda _, y: return_map(loop, y), y)
+def fixed_point(loop: Loop, guess: Sequence[float] | np.ndarray, num_steps: int = 1) -> FixedPoint:
+    """Newton's method for Pᵏ(y) = y under the touchdown clock, with the derivative of `linearised`.
 
-
-def fixed_point(loop: Loop, guess: Float[Array, "3"], num_steps: Int[Array, ""] | int = 1) -> FixedPoint:
-    """Newton's method for Pᵏ(y) = y under the touchdown clock, the derivative by autodiff through touchdown.
-
-    Arguments: guess, near the fixed point (β, θ̇1, θ̇2) [rad, rad/s]; num_steps, k. Pure JAX, to be called in
-    float64; nothing is raised, `found` says whether it converged.
+    Arguments: guess, near the fixed point (β, θ̇1, θ̇2) [rad, rad/s]; num_steps, k. To be called under
+    `jax.enable_x64(True)`; nothing is raised, `found` says whether it converged.
     """
-
-    def mapped(y):
-        after = iterate(loop, y, num_steps)
-        return after, after
-
-    def improve(now):
-        _, y, taken = now
-        jacobian, after = jax.jacfwd(mapped, has_aux=True)(y)
-        better = y + jnp.linalg.solve(jnp.eye(3) - jacobian, after - y)
-        return FixedPoint(y, jnp.max(jnp.abs(after - y)), jacobian), better, taken + 1
-
-    def goes_on(now):
-        at, _, taken = now
-        return (at.residual > 0.01 * RESIDUAL) & (taken < _NEWTON_STEPS)
-
-    nothing = FixedPoint(guess, jnp.full((), jnp.inf, guess.dtype), jnp.zeros((3, 3), guess.dtype))
-    return lax.while_loop(goes_on, improve, (nothing, guess, 0))[0]
+    return fixed_points(stacked([loop]), np.array([guess]), np.array([num_steps]))[0]
 
 
-def laps(loop: Loop, y: Float[Array, "3"], num_steps: int) -> Stride:
-    """So many strides in a row from a point of the section, stacked."""
+def fixed_points(
+    loops: Loop, guesses: Float[np.ndarray, "walkers 3"], num_steps: Int[np.ndarray, " walkers"]
+) -> list[FixedPoint]:
+    """`fixed_point` of stacked loops, side by side, each with its guess and its k."""
+    at = np.array(guesses, np.float64)
+    for taken in range(_NEWTON_STEPS + 1):
+        after, jacobians, steps = follow(loops, at, num_steps)
+        residuals = np.max(np.abs(after - at), axis=1)
+        improvable = residuals > 0.01 * RESIDUAL
+        if taken == _NEWTON_STEPS or not improvable.any():
+            break
+        for lane in np.flatnonzero(improvable):
+            at[lane] += np.linalg.lstsq(np.eye(3) - jacobians[lane], after[lane] - at[lane], rcond=None)[0]
+    return [
+        FixedPoint(y, float(residual), jacobian, tuple(mine))
+        for y, residual, jacobian, mine in zip(at, residuals, jacobians, steps, strict=True)
+    ]
 
-    def step(y, _):
-        taken = stride(loop, state_of(y))
-        return taken.y, taken
 
-    return lax.scan(step, y, length=num_steps)[1]
+def follow(
+    loops: Loop,
+    points: Float[np.ndarray, "walkers 3"],
+    num_steps: Int[np.ndarray, " walkers"],
+    refinement: int = 1,
+) -> tuple[Float[np.ndarray, "walkers 3"], Float[np.ndarray, "walkers 3 3"], list[list[Stride]]]:
+    """Pᵏ and DPᵏ at each walker's point of the section, and the strides on the way; NaN after a fall."""
+    y = np.array(points, np.float64)
+    jacobians = np.tile(np.eye(3), (len(y), 1, 1))
+    steps: list[list[Stride]] = [[] for _ in y]
+    for step in range(int(np.max(num_steps, initial=0))):
+        taken, derivatives = jax.device_get(_strides(loops, jnp.asarray(y), jnp.asarray(refinement)))
+        for lane in np.flatnonzero(num_steps > step):
+            mine = jax.tree.map(lambda leaf, lane=lane: leaf[lane], taken)
+            steps[lane].append(mine)
+            y[lane] = mine.y if mine.landed else np.nan
+            jacobians[lane] = derivatives[lane] @ jacobians[lane]
+    return y, jacobians, steps
+
+
+@eqx.filter_jit
+def _strides(
+    loops: Loop, points: Float[Array, "walkers 3"], refinement: Int[Array, ""]
+) -> tuple[Stride, Float[Array, "walkers 3 3"]]:
+    # The one program behind orbits and multipliers: what is built on it is done in NumPy, since nested loops
+    # of derivatives take XLA a minute to compile.
+    return eqx.filter_vmap(lambda loop, y: linearised(loop, y, refinement))(loops, points)
 
 
 @dataclass(frozen=True)
@@ -138,21 +155,6 @@ def find_orbit(loop: Loop, clock: Clock = "touchdown", x0: Sequence[float] = STA
     return find_orbits(alone, settle(alone, np.array([x0]), clock), clock)[0]
 
 
-def stacked(loops: Sequence[Loop]) -> Loop:
-    """Loops of one kind as one whose arrays have a leading axis."""
-    return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *loops)
-
-
-def settle(
-    loops: Loop, starts: Float[np.ndarray, "walkers 4"], clock: Clock, seconds: float = SETTLING_SECONDS
-) -> list[Walk]:
-    """Long walks of stacked loops, each from its start, side by side."""
-    samples = jax.device_get(_sample_walks(loops, jnp.asarray(starts, jnp.float64), clock, seconds))
-    return [
-        Walk.of(jax.tree.map(lambda leaf, i=i: leaf[i], samples), start) for i, start in enumerate(starts)
-    ]
-
-
 def find_orbits(loops: Loop, walks: Sequence[Walk], clock: Clock) -> list[Orbit]:
     """The gaits of stacked loops that settled so.
 
@@ -163,30 +165,30 @@ def find_orbits(loops: Loop, walks: Sequence[Walk], clock: Clock) -> list[Orbit]
     lasts = [walk.section[-_LAST:] for walk in walks]
     if clock == "free":
         return [_free_orbit(loops, walk, last) for walk, last in zip(walks, lasts, strict=True)]
-    guesses = jnp.stack(
-        [jnp.asarray(last[-1] if len(last) else np.full(3, np.nan), jnp.float64) for last in lasts]
-    )
-    found = {k: jax.device_get(_fixed_points(loops, guesses, jnp.asarray(k))) for k in PERIODS}
-    steps = {k: jax.device_get(_laps(loops, found[k].y)) for k in PERIODS}
+    guesses = np.stack([last[-1] if len(last) else np.full(3, np.nan) for last in lasts])
+    found = {k: fixed_points(loops, guesses, np.full(len(walks), k)) for k in PERIODS}
     orbits = []
     for lane, (walk, last) in enumerate(zip(walks, lasts, strict=True)):
-        candidates = {k: jax.tree.map(lambda leaf, i=lane: leaf[i], found[k]) for k in PERIODS}
+        candidates = {k: found[k][lane] for k in PERIODS}
         k = _period(walk, last, candidates)
         if k is None:
             orbits.append(_unsettled(loops, walk, last, clock))
             continue
-        mine = jax.tree.map(lambda leaf, i=lane, k=k: leaf[i, :k], steps[k])
+        mine = candidates[k]
+        length = float(sum(step.length for step in mine.strides))
         orbits.append(
             Orbit(
                 clock=clock,
                 kind="periodic",
                 num_steps=k,
-                points=_points(np.concatenate([candidates[k].y[None], mine.y[:-1]])),
+                points=_points(np.stack([mine.y, *(step.y for step in mine.strides[:-1])])),
                 wander=(0.0, 0.0, 0.0),
-                period=float(np.mean(mine.time)),
-                step_length=float(np.mean(mine.length)),
-                cost_of_transport=_cost_of_transport(loops, float(mine.work.sum()), float(mine.length.sum())),
-                residual=float(candidates[k].residual),
+                period=float(np.mean([step.time for step in mine.strides])),
+                step_length=length / k,
+                cost_of_transport=_cost_of_transport(
+                    loops, float(sum(step.work for step in mine.strides)), length
+                ),
+                residual=mine.residual,
             )
         )
     return orbits
@@ -201,9 +203,9 @@ def _period(walk: Walk, last: np.ndarray, candidates: dict[int, FixedPoint]) -> 
             return k
     for k, candidate in candidates.items():
         moved = np.max(np.abs(last[k:] - last[:-k]))
-        if candidate.found and np.max(np.abs(candidate.y - last[-1])) <= 100 * moved:
-            if np.max(np.abs(np.linalg.eigvals(candidate.jacobian))) < 1:
-                return k
+        near = candidate.found and np.max(np.abs(candidate.y - last[-1])) <= _ON_ITS_WAY * moved
+        if near and np.max(np.abs(np.linalg.eigvals(candidate.jacobian))) < 1:
+            return k
     return None
 
 
@@ -241,7 +243,7 @@ def _measured(
         kind=kind,
         num_steps=k,
         points=_points(points),
-        wander=tuple(wander.tolist()),
+        wander=_points(wander[None])[0],
         period=float(walk.touchdown_time[-1] - walk.touchdown_time[-_LAST]) / steps,
         step_length=length / steps,
         cost_of_transport=_cost_of_transport(loops, work, length),
@@ -256,18 +258,3 @@ def _cost_of_transport(loops: Loop, work: float, length: float) -> float:
 
 def _points(points: np.ndarray) -> tuple[tuple[float, float, float], ...]:
     return tuple((float(beta), float(one), float(two)) for beta, one, two in points)
-
-
-@eqx.filter_jit
-def _sample_walks(loops: Loop, starts: Float[Array, "walkers 4"], clock: Clock, seconds: float) -> Samples:
-    return eqx.filter_vmap(lambda loop, x0: sample_walk(loop, x0, clock, seconds))(loops, starts)
-
-
-@eqx.filter_jit
-def _fixed_points(loops: Loop, guesses: Array, num_steps: Array) -> FixedPoint:
-    return eqx.filter_vmap(lambda loop, guess: fixed_point(loop, guess, num_steps))(loops, guesses)
-
-
-@eqx.filter_jit
-def _laps(loops: Loop, starts: Float[Array, "walkers 3"]) -> Stride:
-    return eqx.filter_vmap(partial(laps, num_steps=max(PERIODS)))(loops, starts)

@@ -14,6 +14,7 @@ from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
 from coachable.plants.hybrid_system import HybridSystem
 from coachable.plants.integrate import advance
 from coachable.plants.outcome import Outcome
+from coachable.plants.runge_kutta import rk4
 
 Controller = Callable[[Float[Array, "4"]], Float[Array, "2"]]
 Hold = Literal["sampled", "continuous"]
@@ -128,11 +129,7 @@ def section_point(x: Float[Array, " state"]) -> Float[Array, "3"]:
 
 
 def stride(loop: Loop, x: Float[Array, "4"]) -> Stride:
-    """Walk from a state to right after the next touchdown, the clock starting at 0.
-
-    Forward-mode derivatives go through it: the event's time is polished by differentiated Newton steps
-    τ ← τ − g / ġ (`plants/event_search.py`), so the derivative holds the saltation at the touchdown.
-    """
+    """Walk from a state to right after the next touchdown, the clock starting at 0."""
     metered = loop.metered
     zero, no = jnp.zeros((), x.dtype), jnp.zeros((), bool)
 
@@ -179,6 +176,43 @@ def return_map(loop: Loop, y: Float[Array, "3"]) -> Float[Array, "3"]:
     """P(y): from right after one touchdown to right after the next; NaN if there is none."""
     taken = stride(loop, state_of(y))
     return jnp.where(taken.landed, taken.y, jnp.nan)
+
+
+def linearised(
+    loop: Loop, y: Float[Array, "3"], refinement: Int[Array, ""] | int = 1
+) -> tuple[Stride, Float[Array, "3 3"]]:
+    """A stride from a point of the section and DP(y), by autodiff through the touchdown and the impact.
+
+    The stride is taken once to learn when the foot comes down, then replayed on fixed steps up to that time
+    τ, which counts as a constant but for one differentiated Newton step τ − g / ġ: so the derivative holds
+    the saltation. It is NaN where there is no touchdown.
+
+    Arguments: refinement, into how many each of the replay's integration steps is cut.
+    """
+    taken = stride(loop, state_of(y))
+    num_substeps = loop.num_substeps * refinement
+
+    def replayed(y):
+        x = lax.fori_loop(0, taken.num_samples - 1, lambda _, x: held(x), state_of(y))
+        control = loop.control(x)
+        end = run(x, control, taken.last_sample)
+        velocity = lax.stop_gradient(flow(end, control))
+        guard, slope = jax.jvp(loop.plant.guard, (end,), (velocity,))
+        tau = taken.last_sample - guard / lax.stop_gradient(slope)
+        return section_point(loop.plant.impact(run(x, control, tau)))
+
+    def held(x):
+        return run(x, loop.control(x), jnp.asarray(loop.control_dt, x.dtype))
+
+    def run(x, control, duration):
+        h = duration / num_substeps
+        return lax.fori_loop(0, num_substeps, lambda _, x: rk4(flow, x, control, h), x)
+
+    def flow(x, control):
+        return loop.plant.flow(x, loop.control(x) if loop.hold == "continuous" else control)
+
+    jacobian = jax.jacfwd(replayed)(y)
+    return taken, jnp.where(taken.landed, jacobian, jnp.nan)
 
 
 def in_double(tree: Tree) -> Tree:

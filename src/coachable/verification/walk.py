@@ -1,5 +1,6 @@
 """A long walk in a closed loop, under either clock, with what is needed to see the gait it settles to."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,6 +16,9 @@ from coachable.plants.event_search import PAPER_CHATTER
 from coachable.plants.integrate import advance
 from coachable.plants.outcome import Outcome
 from coachable.verification.section import Loop, section_point
+
+SETTLING_SECONDS = 100.0
+"""How long a walker may take to settle."""
 
 MORE_SAMPLES = 1.1
 """A clock that restarts at touchdown takes more samples than time over period; so many times more at most."""
@@ -158,3 +162,23 @@ class Walk:
             section=taken.y[touched],
             outcome=Outcome(int(taken.outcome[-1])),
         )
+
+
+def stacked(loops: Sequence[Loop]) -> Loop:
+    """Loops of one kind as one whose arrays have a leading axis."""
+    return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *loops)
+
+
+def settle(
+    loops: Loop, starts: Float[np.ndarray, "walkers 4"], clock: Clock, seconds: float = SETTLING_SECONDS
+) -> list[Walk]:
+    """Long walks of stacked loops, each from its start, side by side."""
+    samples = jax.device_get(_sample_walks(loops, jnp.asarray(starts, jnp.float64), clock, seconds))
+    return [
+        Walk.of(jax.tree.map(lambda leaf, i=i: leaf[i], samples), start) for i, start in enumerate(starts)
+    ]
+
+
+@eqx.filter_jit
+def _sample_walks(loops: Loop, starts: Float[Array, "walkers 4"], clock: Clock, seconds: float) -> Samples:
+    return eqx.filter_vmap(lambda loop, x0: sample_walk(loop, x0, clock, seconds))(loops, starts)
