@@ -228,7 +228,7 @@ def _unsettled(loops: Loop, walk: Walk, last: np.ndarray, clock: Clock) -> Orbit
         wander = np.abs(last - last.mean(axis=0)).max(axis=0)
         return _measured(loops, walk, clock, "wandering", 0, last[-1:], wander)
     nothing = float("nan")
-    return Orbit(clock, "none", 0, (), (nothing,) * 3, nothing, nothing, nothing, nothing)
+    return Orbit(clock, "none", 0, (), (nothing, nothing, nothing), nothing, nothing, nothing, nothing)
 
 
 def _measured(

@@ -1,6 +1,5 @@
 """Floquet multipliers of a periodic orbit, with what is known of their error, and the kinks near it."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -89,8 +88,7 @@ def stabilities(loops: Loop, orbits: Sequence[Orbit]) -> list[Stability | None]:
     _, coarse, _ = follow(loops, points, periods)
     _, fine, _ = follow(loops, points, periods, refinement=2)
     differences = _central_differences(loops, points, periods)
-    seconds = max((orbit.num_steps * orbit.period for orbit in orbits if orbit.num_steps), default=0.0)
-    walks = settle(loops, _states(points), "touchdown", math.ceil(seconds) + 1.0) if seconds else []
+    walks = settle(loops, _states(points), "touchdown")
     return [
         None
         if not orbit.num_steps
