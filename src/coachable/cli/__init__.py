@@ -11,7 +11,7 @@ import tyro
 
 import coachable
 from coachable.behaviours.suggestion import suggestion
-from coachable.cli import descriptions, studies, training, walks
+from coachable.cli import descriptions, studies, training, verification, walks
 from coachable.errors import CoachableError
 
 COMMANDS = {
@@ -22,6 +22,7 @@ COMMANDS = {
     "report": studies.report,
     "watch": walks.watch,
     "baseline": walks.baseline,
+    "verify": verification.verify,
     "check": descriptions.check,
     "format": descriptions.format,
     "draw": descriptions.draw,
@@ -76,6 +77,7 @@ def _overview() -> str:
             "  coachable study paper --out runs/paper                      the paper's whole study",
             "  coachable report runs/paper                                 one page: what was learned",
             "  coachable check compass-walking                             what a description says",
+            "  coachable verify runs/paper --all                           does it really walk?",
             "  coachable watch runs/paper --setup orthant --seed 3 -o gait.gif",
             "",
             *(f"  {name:<10}{summary}" for name, summary in summaries.items()),

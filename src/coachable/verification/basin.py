@@ -1,8 +1,8 @@
 """From how many starts does the walker reach its gait? Sampled, with exact binomial intervals."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Literal
 
 import equinox as eqx
@@ -18,6 +18,7 @@ from coachable.plants.compass import START
 from coachable.plants.event_search import PAPER_CHATTER
 from coachable.plants.integrate import advance
 from coachable.plants.outcome import Outcome
+from coachable.studies.layout import num_cores
 from coachable.verification.section import Loop, section_point
 
 SECONDS = 5.0
@@ -103,13 +104,19 @@ def label_starts(
     """
     padding = -len(starts) % CHUNK
     padded = np.concatenate([starts, np.tile(starts[-1:], (padding, 1))]).astype(np.float32)
-    labels = []
-    for begin, end in pairwise(range(0, len(padded) + 1, CHUNK)):
+
+    def label(chunk: Float[np.ndarray, "starts 4"]) -> Int[np.ndarray, " starts"]:
         with jax.enable_x64(False):
-            y, fell, touched = jax.device_get(_try(loop, clock, jnp.asarray(padded[begin:end])))
+            y, fell, touched = jax.device_get(_try(loop, clock, jnp.asarray(chunk)))
         near = (np.abs(y[:, None] - gait) <= NEAR).all(axis=-1).any(axis=-1) & touched
-        labels.append(np.where(fell, 1, np.where(near, 0, 2)))
         each()
+        return np.where(fell, 1, np.where(near, 0, 2))
+
+    first, *others = padded.reshape(-1, CHUNK, 4)
+    labels = [label(first)]  # alone, so that the program is compiled once
+    if others:
+        with ThreadPoolExecutor(num_cores()) as pool:
+            labels += pool.map(label, others)
     return np.concatenate(labels)[: len(starts)]
 
 

@@ -24,6 +24,9 @@ _DIFFERENCE = 1e-6
 """Step of the central differences [rad, rad/s]."""
 _ROUNDING = 1e-12
 
+_Kinks = tuple[int, tuple[int, int], float | None, float | None]
+"""`num_samples`, `num_clipped`, `clip_margin` and `sample_margin` of a `Stability`."""
+
 
 @dataclass(frozen=True)
 class Stability:
@@ -42,10 +45,10 @@ class Stability:
     """Samples in one period."""
     num_clipped: tuple[int, int]
     """How many of them ask for more (ankle, hip) torque than the bounds allow."""
-    clip_margin: float
-    """The nearest that a wanted torque comes to one of its bounds [N m]; ∞ without bounds."""
-    sample_margin: float
-    """The shortest time between a touchdown and a sample that is taken or would be [s]; ∞ if continuous."""
+    clip_margin: float | None
+    """The nearest that a wanted torque comes to one of its bounds [N m]; `None` if nothing is clipped."""
+    sample_margin: float | None
+    """The shortest time between a touchdown and a sample taken or due then [s]; `None` if continuous."""
 
     @property
     def largest(self) -> float:
@@ -71,9 +74,9 @@ class Stability:
     def kinks(self) -> tuple[str, ...]:
         """What makes Pᵏ not differentiable at the orbit, as far as it was seen."""
         found = []
-        if self.clip_margin <= EXACTLY:
+        if self.clip_margin is not None and self.clip_margin <= EXACTLY:
             found.append("a wanted torque lies exactly on its bound")
-        if self.sample_margin <= EXACTLY:
+        if self.sample_margin is not None and self.sample_margin <= EXACTLY:
             found.append("a touchdown falls exactly on a sample")
         return tuple(found)
 
@@ -116,7 +119,7 @@ def _stability(
     jacobian: np.ndarray,
     coarse: np.ndarray,
     differences: np.ndarray,
-    kinks: tuple[int, tuple[int, int], float, float],
+    kinks: _Kinks,
 ) -> Stability:
     norm = float(np.linalg.norm(jacobian, 2))
     change = float(np.linalg.norm(jacobian - coarse, 2)) + _ROUNDING * norm
@@ -134,10 +137,10 @@ def _stability(
     )
 
 
-def _kinks(loop: Loop, orbit: Orbit, walk: Walk) -> tuple[int, tuple[int, int], float, float]:
+def _kinks(loop: Loop, orbit: Orbit, walk: Walk) -> _Kinks:
     """Samples in one period, how many are clipped, and the margins to the nearest kinks."""
     if loop.hold == "continuous":
-        return 0, (0, 0), float("inf"), float("inf")
+        return 0, (0, 0), None, None
     end = walk.touchdown_time[orbit.num_steps - 1]
     taken = walk.time < end - 1e-12
     after_touchdown = np.concatenate([[0.0], walk.touchdown_time])
@@ -148,7 +151,7 @@ def _kinks(loop: Loop, orbit: Orbit, walk: Walk) -> tuple[int, tuple[int, int], 
     rest = np.mod(held, loop.control_dt)
     sample_margin = float(np.min(np.minimum(rest, loop.control_dt - rest)))
     if not (isinstance(loop.controller, Policy) and loop.controller.squashing == "clip"):
-        return int(taken.sum()), (0, 0), float("inf"), sample_margin
+        return int(taken.sum()), (0, 0), None, sample_margin
     wanted = np.asarray(jax.vmap(without_bounds(loop.controller))(jnp.asarray(walk.x[taken])))
     low, high = np.asarray(loop.controller.low), np.asarray(loop.controller.high)
     ankle, hip = ((wanted < low) | (wanted > high)).sum(axis=0)

@@ -1,0 +1,156 @@
+"""Ask whether a walker really walks: verify."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from coachable.cli.options import Semantics, option
+from coachable.errors import CoachableError
+
+if TYPE_CHECKING:
+    from coachable.verification.passport import Passport
+    from coachable.verification.subject import Subject
+
+ControllerName = Literal["virtual-gravity", "constant-torque", "none"]
+
+
+def verify(
+    run: Annotated[
+        Positional[str],
+        arg(metavar="RUN", help="A run folder, or a baseline: virtual-gravity, constant-torque, none."),
+    ],
+    setup: Annotated[str | None, option("NAME", "The lane's setup.", otherwise="the plan's first")] = None,
+    seed: Annotated[int | None, option("N", "The lane's seed.", otherwise="the plan's first")] = None,
+    all: Annotated[
+        bool, arg(help="Every lane, or with --setup every seed of it; goes on where it was stopped.")
+    ] = False,
+    level: Annotated[
+        Literal["quick", "full"],
+        arg(
+            help="Adherence, orbit, stability and 1,000 starts; or 100,000 starts, pictures and pushes, too."
+        ),
+    ] = "quick",
+    which: Annotated[
+        Literal["last", "best"],
+        arg(help="The policy after the last update, or the one with the best evaluation return."),
+    ] = "last",
+    baseline: Annotated[
+        ControllerName, arg(help="Who stands beside the walker in the table of pushes.")
+    ] = "virtual-gravity",
+    semantics: Annotated[Semantics, arg(help="Of a baseline; a run has its own.")] = "paper",
+    clock: Annotated[Literal["free", "touchdown"], arg(help="Of a baseline; a policy has its own.")] = "free",
+    out: Annotated[
+        Path | None,
+        option("DIR", "Where passports are written.", otherwise="RUN/passports; a baseline's nowhere"),
+    ] = None,
+    json: Annotated[bool, arg(help="Print JSON; docs/passport.md tells its fields.")] = False,
+) -> None:
+    """Give a walker its gait passport: does it follow, repeat itself, return, and from how far?
+
+    A passport is a measurement, not a proof; docs/passport.md tells what each line means and does not mean.
+    For example:
+
+        coachable verify runs/paper --setup orthant --seed 3
+        coachable verify runs/paper --setup orthant --seed 3 --level full
+        coachable verify runs/paper --all
+        coachable verify virtual-gravity --level full
+    """
+    from coachable.envs.baselines import CONTROLLER_NAMES
+    from coachable.studies.runner import set_up_jax
+
+    if all and seed is not None:
+        raise CoachableError("--all means every seed; leave out --seed, or --all")
+    set_up_jax()
+    if run in CONTROLLER_NAMES:
+        if all or setup is not None or seed is not None:
+            raise CoachableError(
+                f"{run} is a baseline, without setups and seeds; leave out --setup, --seed, --all"
+            )
+        from coachable.verification.subject import baseline_subject
+
+        subjects = [baseline_subject(run, semantics, clock)]
+        folder, beside = out, None
+    else:
+        subjects, beside = _subjects(run, setup, seed, which, baseline, every=all)
+        folder = out or Path(run) / "passports"
+    passports = _verified(subjects, level, folder, beside, resume=all)
+    _show(passports, summary=all, as_json=json)
+    if folder is not None:
+        print(f"wrote {folder}", file=sys.stderr)
+
+
+def _subjects(
+    run: str,
+    setup: str | None,
+    seed: int | None,
+    which: Literal["last", "best"],
+    baseline: ControllerName,
+    *,
+    every: bool,
+) -> tuple[list[Subject], Subject]:
+    """The lanes asked for, and the baseline of their run."""
+    from coachable.studies.store import load_run
+    from coachable.verification.subject import baseline_subject, lane_subject
+
+    opened = load_run(run)
+    plan = opened.plan
+    if every:
+        chosen = [] if setup is None else [opened.lane(setup, plan.first_seed).setup]
+        lanes = [lane for lane in opened.lanes if not chosen or lane.setup in chosen]
+    else:
+        first = plan.first_seed if seed is None else seed
+        lanes = [opened.lane(setup or plan.setups[0].name, first)]
+    subjects = [lane_subject(opened, lane.setup, lane.seed, which) for lane in lanes]
+    beside = baseline_subject(
+        baseline, plan.semantics, subjects[0].walker.clock, plan.plant, opened.behaviour
+    )
+    return subjects, beside
+
+
+def _verified(
+    subjects: list[Subject],
+    level: Literal["quick", "full"],
+    folder: Path | None,
+    baseline: Subject | None,
+    *,
+    resume: bool,
+) -> list[Passport]:
+    """The passports, those that are there already kept if `resume`."""
+    from coachable.verification.progress import verification_progress
+    from coachable.verification.verify import kept_passport, verify
+
+    kept = {
+        subject.walker.name: passport
+        for subject in subjects
+        if resume and folder is not None and (passport := kept_passport(folder, subject, level)) is not None
+    }
+    if kept:
+        print(f"{len(kept)} of {len(subjects)} passports are there already", file=sys.stderr)
+    missing = [subject for subject in subjects if subject.walker.name not in kept]
+    with verification_progress(len(missing)) as tell:
+        made = verify(missing, level, folder, baseline, tell)
+    by_name = kept | {passport.walker.name: passport for passport in made}
+    return [by_name[subject.walker.name] for subject in subjects]
+
+
+def _show(passports: list[Passport], *, summary: bool, as_json: bool) -> None:
+    from rich.console import Console
+
+    from coachable.verification.passport import passport_data
+    from coachable.verification.passport_text import print_passport, print_summary
+
+    if as_json:
+        import json
+
+        data = [passport_data(passport) for passport in passports]
+        print(json.dumps(data if summary else data[0], indent=2, ensure_ascii=False))
+        return
+    console = Console(highlight=False)
+    if summary:
+        print_summary(passports, console)
+    else:
+        print_passport(passports[0], console)

@@ -1,0 +1,173 @@
+"""From walkers to passports: many at once, each program compiled once for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from coachable.envs.walking_task import Clock
+from coachable.errors import RunFolderError
+from coachable.plants.compass import START
+from coachable.studies.files import write_atomic
+from coachable.studies.layout import num_cores
+from coachable.verification.adherence import adherence
+from coachable.verification.basin import CHUNK, SET_NAMES, basin, draw_starts, label_starts
+from coachable.verification.basin_picture import draw_slices, slices
+from coachable.verification.followed import followed_svg
+from coachable.verification.orbit import find_orbits
+from coachable.verification.passport import (
+    LEVELS,
+    Level,
+    Orbits,
+    Passport,
+    passport_path,
+    read_passport,
+    write_passport,
+)
+from coachable.verification.pushes import Pushes, pushes
+from coachable.verification.section import in_double
+from coachable.verification.stability import stabilities
+from coachable.verification.subject import Subject
+from coachable.verification.walk import Walk, settle, stacked
+
+NUM_STARTS: dict[Level, int] = {"quick": 500, "full": 50_000}
+"""Starts drawn from each of the two boxes."""
+
+GROUP = 10
+"""Walkers whose orbits are looked for side by side."""
+
+_CLOCKS: tuple[Clock, ...] = ("free", "touchdown")
+_GAIT_POINTS = 64
+"""How many of the last touchdowns stand for a gait that starts are to reach."""
+
+
+Tell = Callable[[str, float], None]
+"""Told the name of a walker and how much of the work on it is done since the last time, in walkers."""
+
+
+def verify(
+    subjects: Sequence[Subject],
+    level: Level,
+    folder: Path | None,
+    baseline: Subject | None = None,
+    tell: Tell = lambda name, share: None,
+) -> list[Passport]:
+    """The passports of walkers, in their order; written into a folder as soon as each is made.
+
+    Arguments: subjects, whose controllers are of one kind; level, how much is looked at; folder, where
+    passports and their pictures go, if anywhere; baseline, who stands beside them in the table of pushes.
+    """
+    if not subjects:
+        return []
+    beside = _pushes_of(baseline) if baseline is not None and level == "full" else None
+    width = min(GROUP, len(subjects))
+    groups = [subjects[first : first + width] for first in range(0, len(subjects), width)]
+
+    def work(group: Sequence[Subject]) -> list[Passport]:
+        return _verify_group(group, width, level, folder, baseline, beside, tell)
+
+    done = {0: work(groups[0])}  # alone, so that each program is compiled once
+    with ThreadPoolExecutor(num_cores()) as pool:
+        futures = {pool.submit(work, group): index for index, group in enumerate(groups[1:], start=1)}
+        try:
+            for future in as_completed(futures):
+                done[futures[future]] = future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return [passport for index in range(len(groups)) for passport in done[index]]
+
+
+def _verify_group(
+    group: Sequence[Subject],
+    width: int,
+    level: Level,
+    folder: Path | None,
+    baseline: Subject | None,
+    beside: Pushes | None,
+    tell: Tell,
+) -> list[Passport]:
+    padded = [*group, *[group[-1]] * (width - len(group))]
+    with jax.enable_x64(True):
+        loops = stacked([in_double(subject.loop) for subject in padded])
+        starts = np.tile(np.array(START), (width, 1))
+        walks = {clock: settle(loops, starts, clock) for clock in _CLOCKS}
+        found = {clock: find_orbits(loops, walks[clock], clock) for clock in _CLOCKS}
+        stable = stabilities(loops, found["touchdown"])
+    passports = []
+    for lane, subject in enumerate(group):
+        walk = walks[subject.walker.clock][lane]
+        passport = Passport(
+            walker=subject.walker,
+            level=level,
+            adherence=adherence(subject.behaviour, walk),
+            orbits=Orbits(found["free"][lane], found["touchdown"][lane]),
+            stability=stable[lane],
+            basins=(),
+            pushes=None,
+            baseline=None if beside is None or baseline is None else baseline.walker.name,
+            baseline_pushes=beside,
+        )
+        passport = _with_disturbances(passport, subject, walk, folder, tell)
+        if folder is not None:
+            path = write_passport(folder, passport)
+            picture = path.with_name(f"{path.stem}-automaton.svg")
+            write_atomic(picture, followed_svg(subject.behaviour, passport.adherence))
+        passports.append(passport)
+    return passports
+
+
+def _with_disturbances(
+    passport: Passport, subject: Subject, walk: Walk, folder: Path | None, tell: Tell
+) -> Passport:
+    """The passport with what needs a gait to start from: basins and, at level full, slices and pushes."""
+    name, level = subject.walker.name, passport.level
+    if not passport.walks:
+        tell(name, 1.0)
+        return passport
+    gait = walk.section[-_GAIT_POINTS:]
+    loop, clock = subject.loop, subject.walker.clock
+    planes = slices(gait[-1]) if level == "full" and folder is not None else ()
+    chunks = sum(-(-len(plane.starts) // CHUNK) for plane in planes)
+    chunks += len(SET_NAMES) * -(-NUM_STARTS[level] // CHUNK)
+
+    def each() -> None:
+        tell(name, 1 / chunks)
+
+    found = tuple(
+        basin(starts, label_starts(loop, clock, gait, draw_starts(starts, NUM_STARTS[level]), each))
+        for starts in SET_NAMES
+    )
+    if folder is not None and planes:
+        labelled = [(plane, label_starts(loop, clock, gait, plane.starts, each)) for plane in planes]
+        draw_slices(folder / f"{name}-basin.png", name, gait, labelled)
+    settled = pushes(loop, clock, gait[-1]) if level == "full" else None
+    return replace(passport, basins=found, pushes=settled)
+
+
+def _pushes_of(subject: Subject) -> Pushes | None:
+    """What the baseline takes, if it walks."""
+    with jax.enable_x64(True):
+        clock = subject.walker.clock
+        walk = settle(stacked([in_double(subject.loop)]), np.array([START]), clock)[0]
+    if not walk.up or not len(walk.section):
+        return None
+    return pushes(subject.loop, clock, walk.section[-1])
+
+
+def kept_passport(folder: Path, subject: Subject, level: Level) -> Passport | None:
+    """The walker's passport if it is in the folder, of the same policy and no lower level, and readable."""
+    path = passport_path(folder, subject.walker.name)
+    if not path.exists():
+        return None
+    try:
+        passport = read_passport(path)
+    except RunFolderError:
+        return None  # it is made anew
+    enough = LEVELS.index(passport.level) >= LEVELS.index(level)
+    return passport if enough and passport.walker == subject.walker else None
