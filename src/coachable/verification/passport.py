@@ -105,8 +105,7 @@ def passport_path(folder: Path, name: str) -> Path:
 
 
 def write_passport(folder: Path, passport: Passport) -> Path:
-    """Write a passport into a folder, made if need be, whole or not at all."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write a passport into a folder, whole or not at all."""
     path = passport_path(folder, passport.walker.name)
     write_atomic(path, json.dumps(passport_data(passport), indent=2, ensure_ascii=False) + "\n")
     return path

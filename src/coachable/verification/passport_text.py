@@ -26,6 +26,14 @@ _SETS = {
     "section": "on the section (" + ", ".join(f"{low:g} … {high:g}" for low, high in ON_SECTION) + ")",
 }
 
+_COLUMNS = ("setup", "walkers", "up", "k=1", "k>1", "wander", "stable", "|λ|", "cycles", "x₀", "section")
+_TOLD = (
+    "up: after 100 s. k=1, k>1, wander: the gait with the touchdown clock repeats every step, every 2 or 4, "
+    "or never. stable: all multipliers within the unit circle. |λ|: the largest, median of those that "
+    "repeat. cycles: completed in 100 s, median of those up. x₀, section: percentage of starts from these "
+    "boxes that reach the gait, mean of all walkers."
+)
+
 
 def print_passport(passport: Passport, console: Console) -> None:
     """Print all that a passport says."""
@@ -51,18 +59,12 @@ def print_passport(passport: Passport, console: Console) -> None:
 def print_summary(passports: Sequence[Passport], console: Console) -> None:
     """Print a table with one row for each setup."""
     table = Table(title="gait passports by setup", title_justify="left", title_style="bold", box=None)
-    for name in ("setup", "walkers", "up 100 s", "period 1", "2 or 4", "wanders", "stable", "largest |λ|"):
-        table.add_column(name, justify="left" if name == "setup" else "right")
-    for name in ("in phases", "cycles", "basin x₀", "basin section"):
-        table.add_column(name, justify="right")
+    for index, name in enumerate(_COLUMNS):
+        table.add_column(name, justify="right" if index else "left", no_wrap=True)
     for setup in dict.fromkeys(passport.walker.setup for passport in passports):
         table.add_row(*_summary_row(setup, [one for one in passports if one.walker.setup == setup]))
     console.print(table)
-    console.print(
-        "Periods and multipliers with the touchdown clock. λ, in phases and cycles: medians of those that "
-        "are up (λ: of the periodic). Basins: mean share of starts, of all walkers.",
-        style="dim",
-    )
+    console.print(_TOLD, style="dim")
 
 
 def _summary_row(setup: str | None, passports: Sequence[Passport]) -> list[str]:
@@ -79,7 +81,6 @@ def _summary_row(setup: str | None, passports: Sequence[Passport]) -> list[str]:
         str(sum(orbit.kind == "wandering" for orbit in orbits)),
         str(len(stable)),
         _median(multipliers, ".3f"),
-        _median([100 * one.adherence.share_in_phases for one in up], ".1f", " %"),
         _median([sum(one.adherence.cycles.values()) for one in up], ".0f"),
         *(_mean_share(passports, name) for name in ("start", "section")),
     ]
@@ -87,15 +88,15 @@ def _summary_row(setup: str | None, passports: Sequence[Passport]) -> list[str]:
 
 def _mean_share(passports: Sequence[Passport], name: str) -> str:
     shares = [sum(basin.reached.share for basin in one.basins if basin.starts == name) for one in passports]
-    return f"{100 * sum(shares) / len(shares):.1f} %"
+    return f"{100 * sum(shares) / len(shares):.1f}"
 
 
-def _median(values: Sequence[float], form: str, unit: str = "") -> str:
+def _median(values: Sequence[float], form: str) -> str:
     if not values:
         return "–"
     ordered, middle = sorted(values), len(values) // 2
     median = ordered[middle] if len(values) % 2 else (ordered[middle - 1] + ordered[middle]) / 2
-    return f"{median:{form}}{unit}"
+    return f"{median:{form}}"
 
 
 def _section(title: str, rows: Sequence[tuple[str, str]]) -> list[object]:

@@ -64,6 +64,8 @@ def verify(
     """
     if not subjects:
         return []
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
     beside = _pushes_of(baseline) if baseline is not None and level == "full" else None
     width = min(GROUP, len(subjects))
     groups = [subjects[first : first + width] for first in range(0, len(subjects), width)]
