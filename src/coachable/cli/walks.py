@@ -15,7 +15,10 @@ ControllerName = Literal["virtual-gravity", "constant-torque", "none"]
 def watch(
     run: Annotated[
         Positional[str],
-        arg(metavar="RUN", help="A run folder, or a baseline: virtual-gravity, constant-torque, none."),
+        arg(
+            metavar="RUN",
+            help="A run folder, a baseline (virtual-gravity, constant-torque, none) or a counterexample.",
+        ),
     ],
     out: Annotated[
         Path,
@@ -42,6 +45,7 @@ def watch(
         coachable watch runs/paper --setup sparse -o gait.png
         coachable watch virtual-gravity -o gait.gif
         coachable watch runs/walker2d --setup described --seed 0 1 -o walker2d.gif
+        coachable watch runs/paper/counterexamples/orthant-3-1.json -o fall.gif
     """
     from coachable.viewing.watch import draw_walks, require_drawable
 
@@ -51,6 +55,11 @@ def watch(
 
     if run in CONTROLLER_NAMES:
         walks = [walk_of_baseline(run, semantics, seconds)]
+        who = walks[0].title
+    elif run.endswith(".json"):
+        from coachable.verification.counterexample_file import load_counterexample
+
+        walks = [load_counterexample(Path(run))]
         who = walks[0].title
     else:
         from coachable.studies.store import TrainingRun, open_run
