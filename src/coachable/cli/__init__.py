@@ -11,7 +11,7 @@ import tyro
 
 import coachable
 from coachable.behaviours.suggestion import suggestion
-from coachable.cli import descriptions, studies, training, verification, walks
+from coachable.cli import descriptions, exports, studies, training, verification, walks
 from coachable.errors import CoachableError
 
 COMMANDS = {
@@ -28,6 +28,7 @@ COMMANDS = {
     "draw": descriptions.draw,
     "diff": descriptions.diff,
     "explain": descriptions.explain,
+    "export": exports.export,
     "cite": studies.cite,
 }
 

@@ -1,0 +1,143 @@
+"""Write models for other tools: export."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from coachable.cli.options import option
+from coachable.errors import CoachableError
+
+if TYPE_CHECKING:
+    from coachable.verification.export.model import Model
+
+
+def export(
+    what: Annotated[
+        Positional[str | None],
+        option(
+            "RUN|BEHAVIOUR",
+            "A run folder, or a behaviour: a shipped name or a file.",
+            otherwise="compass-walking",
+        ),
+    ] = None,
+    *,
+    out: Annotated[
+        Path,
+        arg(
+            aliases=["-o"], metavar="FILE", help="x.kyx (KeYmaera X), x.xml (SpaceEx) or x.py (plain Python)."
+        ),
+    ],
+    setup: Annotated[str | None, option("NAME", "The lane's setup.", otherwise="the plan's first")] = None,
+    seed: Annotated[int | None, option("N", "The lane's seed.", otherwise="the plan's first")] = None,
+    which: Annotated[
+        Literal["last", "best"],
+        arg(help="The policy after the last update, or the one with the best evaluation return."),
+    ] = "last",
+    baseline: Annotated[
+        Literal["virtual-gravity", "constant-torque", "none"] | None,
+        option(
+            "NAME",
+            "What drives a behaviour's walker: virtual-gravity, constant-torque or none.",
+            otherwise="free inputs",
+        ),
+    ] = None,
+    clock: Annotated[
+        Literal["free", "touchdown"] | None,
+        option(
+            "free|touchdown",
+            "Whether a touchdown restarts the sample clock.",
+            otherwise="the policy's, else free",
+        ),
+    ] = None,
+) -> None:
+    """Write a behaviour's automaton with the closed loop as a model for another tool.
+
+    Of a run it is driven by a lane's policy, which the Python program holds; KeYmaera X and SpaceEx get its
+    bounds. A behaviour is driven by a baseline, or by free inputs. For example:
+
+        coachable export runs/paper --setup orthant --seed 3 -o walker.py
+        coachable export --baseline virtual-gravity -o walker.kyx
+        coachable export compass-walking -o automaton.xml
+    """
+    if (write := _WRITERS.get(out.suffix.lower())) is None:
+        raise CoachableError(f"{out}: give a file that ends in {', '.join(_WRITERS)}")
+    if what is not None and (Path(what) / "manifest.json").exists():
+        if baseline is not None:
+            raise CoachableError("a run has policies of its own; leave out either the run or --baseline")
+        model = _lane(Path(what), setup, seed, which, clock)
+    else:
+        if setup is not None or seed is not None:
+            raise CoachableError(f"--setup and --seed name a lane of a run, but {what or 'no run'} is given")
+        model = _behaviour(what or "compass-walking", baseline, clock)
+    out.write_text(write(model), encoding="utf-8")
+    print(f"{out}: {model.name}")
+
+
+def _lane(
+    path: Path,
+    setup: str | None,
+    seed: int | None,
+    which: Literal["last", "best"],
+    clock: Literal["free", "touchdown"] | None,
+) -> Model:
+    from coachable.studies.store import load_run
+    from coachable.verification.export.model import Model
+
+    run = load_run(path)
+    if run.plan.semantics != "paper":
+        raise CoachableError(
+            f"{path} was trained by the rules of the released code, in which a foot that passes backward "
+            "counts as a touchdown; exports state the paper's"
+        )
+    setup, seed = setup or run.plan.setups[0].name, run.plan.first_seed if seed is None else seed
+    policy = run.policy(setup, seed, which)
+    name = f"{run.behaviour.name}, {which} policy of {run.lane(setup, seed).name}"
+    return Model(name, run.behaviour, policy, run.plan.plant, clock or run.plan.clock)
+
+
+def _behaviour(
+    name: str,
+    baseline: Literal["virtual-gravity", "constant-torque", "none"] | None,
+    clock: Literal["free", "touchdown"] | None,
+) -> Model:
+    from coachable.behaviours.library import load_behaviour
+    from coachable.envs.baselines import WALKING_TORQUE
+    from coachable.plants.compass import CompassWalker
+    from coachable.plants.controllers import ConstantTorque, NoTorque, VirtualGravity
+    from coachable.verification.export.model import Model
+
+    behaviour = load_behaviour(name)
+    if baseline is None:
+        return Model(f"{behaviour.name}, free inputs", behaviour, None)
+    controller = {
+        "virtual-gravity": VirtualGravity(CompassWalker()),
+        "constant-torque": ConstantTorque(WALKING_TORQUE),
+        "none": NoTorque(),
+    }[baseline]
+    return Model(f"{behaviour.name}, {baseline}", behaviour, controller, clock=clock or "free")
+
+
+def _keymaerax(model: Model) -> str:
+    from coachable.verification.export.keymaerax import keymaerax
+
+    return keymaerax(model)
+
+
+def _spaceex(model: Model) -> str:
+    from coachable.verification.export.spaceex import spaceex
+
+    return spaceex(model)
+
+
+def _python(model: Model) -> str:
+    from coachable.verification.export.python_script import python_script
+
+    return python_script(model)
+
+
+_WRITERS: Mapping[str, Callable[[Model], str]] = {".kyx": _keymaerax, ".xml": _spaceex, ".py": _python}
+"""What writes each kind of file."""
