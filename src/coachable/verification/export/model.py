@@ -65,13 +65,13 @@ class Model:
     clock: Clock = "free"
 
     def __post_init__(self):
-        HybridAutomaton.of(self.behaviour, CompassWalker(self.parameters))
         for signal in self.behaviour.signal_names:
             if signal not in STATE_NAMES:
                 raise ParameterError(
                     f"behaviour {self.behaviour.name!r}: the compass walker has no signal {signal!r}; "
                     + suggestion(signal, STATE_NAMES)
                 )
+        HybridAutomaton.of(self.behaviour, CompassWalker(self.parameters))
 
     @property
     def locations(self) -> tuple[Location, ...]:
