@@ -14,9 +14,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 
-from coachable.envs.walking_task import NO_BOX, Clock, make_task
+from coachable.envs.walking_task import NO_BOX, Clock, WalkingTask, make_task
 from coachable.errors import MissingExtraError, ParameterError
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
 from coachable.rewards.setup import PAPER_SETUPS
@@ -220,6 +220,9 @@ def _cma_es(size: int, seed: int) -> Proposals:
         "CMA_diagonal": size > 2 * POPULATION,
         "randn": lambda *shape: generator.standard_normal(shape),
         "seed": np.nan,
+        # A descent that moves or gains less than this is over; there are other places to begin.
+        "tolx": 1e-2,
+        "tolfun": 1e-3,
         "verbose": -9,
     }
     while True:
@@ -246,27 +249,35 @@ def _walks(
     clock: Clock,
     seconds: float,
 ) -> Walks:
-    """From points of the cube to (margins, times, whether fallen), compiled once for a full generation."""
+    """From points of the cube to (margins, times, whether fallen), a full generation at a time."""
     setup = PAPER_SETUPS["sparse"]  # what is paid does not matter here
     task = make_task(setup, clock=clock, parameters=parameters, seconds=seconds, box=NO_BOX)
 
-    def walk(controller, x0, push):
+    def walks(points: Points):
+        whole = np.concatenate([points, np.repeat(points[:1], POPULATION - len(points), axis=0)])
+        margins, times, fell = map(np.asarray, _walk_all(task, controller, *perturbation.at(whole)))
+        count = len(points)
+        return margins[:count], times[:count], fell[:count]
+
+    return walks
+
+
+@eqx.filter_jit
+def _walk_all(
+    task: WalkingTask,
+    controller: Controller,
+    starts: Float[Array, "walks 4"],
+    disturbances: Float[Array, "walks steps 2"],
+) -> tuple[Float[Array, " walks"], Float[Array, " walks"], Bool[Array, " walks"]]:
+    """Margins, times, whether fallen. Compiled once for all walkers of a kind."""
+
+    def walk(x0, push):
         walked = endurance(task, controller, x0, push)
         # The plant ignores a swing foot in the ground ahead until it has risen. Nobody can start like that.
         impossible = task.plant.can_touch_down(x0) & (task.plant.guard(x0) < 0)
         return jnp.where(impossible, 1, walked.margin), walked.time, walked.fell & ~impossible
 
-    @eqx.filter_jit
-    def walk_all(controller, starts, disturbances):
-        return jax.vmap(walk, in_axes=(None, 0, 0))(controller, starts, disturbances)
-
-    def walks(points: Points):
-        whole = np.concatenate([points, np.repeat(points[:1], POPULATION - len(points), axis=0)])
-        margins, times, fell = map(np.asarray, walk_all(controller, *perturbation.at(whole)))
-        count = len(points)
-        return margins[:count], times[:count], fell[:count]
-
-    return walks
+    return jax.vmap(walk)(starts, disturbances)
 
 
 def _require_cma() -> None:
