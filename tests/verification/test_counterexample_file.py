@@ -10,14 +10,14 @@ from coachable.plants.compass import PAPER_PARAMETERS, STATE_NAMES
 from coachable.plants.controllers import NoTorque
 from coachable.verification.counterexample_file import load_counterexample, write_counterexamples
 from coachable.verification.falsify import Counterexample, Fall, Falsification, Search
-from coachable.verification.perturbation import Pushes
+from coachable.verification.perturbation import HeldTorques
 from coachable.verification.resimulation import resimulate
 
 
 @pytest.fixture(scope="module")
 def found():
     """Pushed by hand: a walker without torques falls anyhow."""
-    pushes = Pushes(1.0, seconds=0.2, hold=10)
+    pushes = HeldTorques(1.0, seconds=0.2, hold=10)
     point = np.linspace(-1, 0.5, pushes.size)
     starts, torques = pushes.at(point[None])
     walk = resimulate(NoTorque(), starts[0], torques[0], PAPER_PARAMETERS, "free", 5.0)
@@ -30,7 +30,7 @@ def found():
 @pytest.fixture
 def files(found, tmp_path):
     return write_counterexamples(
-        tmp_path, "sparse-3", found, PAPER_PARAMETERS, load_behaviour("compass-walking")
+        tmp_path, "sparse-3", [found], PAPER_PARAMETERS, load_behaviour("compass-walking")
     )
 
 
@@ -45,7 +45,7 @@ def test_a_counterexample_is_written_and_read(files, found, tmp_path):
     assert shown.behaviour == load_behaviour("compass-walking")
     data = json.loads(files[0].read_text(encoding="utf-8"))
     assert data["perturbation"] == {
-        "kind": "Pushes",
+        "kind": "HeldTorques",
         "bound": 1.0,
         "seconds": 0.2,
         "hold": 10,
@@ -59,14 +59,22 @@ def test_older_ones_of_the_lane_are_gone_and_no_others(files, found, tmp_path):
     neighbour = files[0].with_name("forward-sparse-3-1.json")
     neighbour.write_text("{}")
     fewer = Falsification(**vars(found) | {"counterexamples": found.counterexamples[:1]})
-    write_counterexamples(tmp_path, "sparse-3", fewer, PAPER_PARAMETERS, load_behaviour("compass-walking"))
+    write_counterexamples(tmp_path, "sparse-3", [fewer], PAPER_PARAMETERS, load_behaviour("compass-walking"))
     left = {path.name for path in files[0].parent.iterdir()}
     assert left == {"sparse-3-1.json", "forward-sparse-3-1.json"}
 
 
+def test_those_of_several_searches_are_counted_through(found, tmp_path):
+    behaviour = load_behaviour("compass-walking")
+    paths = write_counterexamples(tmp_path, "x-1", [found, found], PAPER_PARAMETERS, behaviour)
+    assert [load_counterexample(path).title for path in paths] == [
+        f"x-1, counterexample {number}" for number in (1, 2, 3, 4)
+    ]
+
+
 def test_where_nothing_was_found_nothing_is_written(found, tmp_path):
     none = Falsification(**vars(found) | {"counterexamples": ()})
-    assert write_counterexamples(tmp_path, "x-1", none, PAPER_PARAMETERS, load_behaviour("hop")) == ()
+    assert write_counterexamples(tmp_path, "x-1", [none], PAPER_PARAMETERS, load_behaviour("hop")) == ()
     assert not list(tmp_path.iterdir())
 
 

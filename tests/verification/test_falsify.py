@@ -16,9 +16,9 @@ from coachable.plants.controllers import ConstantTorque, NoTorque, VirtualGravit
 from coachable.rewards.setup import PAPER_SETUPS
 from coachable.verification import falsify as falsification
 from coachable.verification import resimulation
-from coachable.verification.falsify import falsify, summary_of
+from coachable.verification.falsify import falsify, search_for_falls, summary_of
 from coachable.verification.margin import endurance
-from coachable.verification.perturbation import Pushes, SectionBox, StartBox
+from coachable.verification.perturbation import HeldTorques, SectionBox, StartBox
 from coachable.verification.resimulation import Resimulation, numpy_controller, resimulate
 
 STRIDE = 0.7
@@ -100,6 +100,23 @@ def test_both_searches_spend_their_budget_exactly(steady, box, monkeypatch, budg
     assert sum(walked) == 2 * budget
     assert told[-1] == (2 * budget, 2 * budget)
     assert [done for done, _ in told] == np.cumsum(walked).tolist()
+
+
+def test_a_passport_tries_starts_the_section_and_torques(steady, monkeypatch):
+    up = np.ones(16), np.ones(16), np.zeros(16, bool)
+    monkeypatch.setattr(falsification, "_walks", lambda *_: lambda points: up)
+    for point, kinds in (
+        ((0.3, -1.1, -0.2), [StartBox, SectionBox, HeldTorques]),
+        (None, [StartBox, HeldTorques]),
+    ):
+        told = []
+        results = search_for_falls(
+            steady, point, budget=16, progress=lambda *done, told=told: told.append(done)
+        )
+        assert [type(result.perturbation) for result in results] == kinds
+        in_all = 32 * len(kinds)
+        assert told == [(done, in_all) for done in range(16, in_all + 1, 16)]
+    assert all(result.seconds == 10 for result in results)
 
 
 def test_progress_is_told_to_the_end(planted):
@@ -205,7 +222,7 @@ def test_points_of_the_cube_are_points_of_the_box():
 
 
 def test_pushes_are_bounded_held_and_over_in_time():
-    pushes = Pushes(0.5, seconds=0.3, hold=10)
+    pushes = HeldTorques(0.5, seconds=0.3, hold=10)
     points = np.random.default_rng(0).uniform(-1, 1, (2, pushes.size))
     starts, torques = pushes.at(points)
     assert torques.shape == (2, 30, 2)
@@ -222,11 +239,11 @@ def test_pushes_are_bounded_held_and_over_in_time():
         (lambda: StartBox((-0.1, 0.0, 0.0, 0.0)), "negative"),
         (lambda: StartBox((float("nan"), 0.0, 0.0, 0.0)), "finite"),
         (lambda: SectionBox((0.4, 0.1, 0.1), (0.3, -1.0, -0.2)), "β > 0"),
-        (lambda: Pushes(0.0), "positive"),
-        (lambda: Pushes(1.0, seconds=0.01), "do not fit"),
-        (lambda: Pushes(1.0, hold=0), "at least one"),
-        (lambda: falsify(NoTorque(), Pushes(1.0), budget=0), "at least 1"),
-        (lambda: falsify(lambda x: x[:2], Pushes(1.0)), "without JAX"),
+        (lambda: HeldTorques(0.0), "positive"),
+        (lambda: HeldTorques(1.0, seconds=0.01), "do not fit"),
+        (lambda: HeldTorques(1.0, hold=0), "at least one"),
+        (lambda: falsify(NoTorque(), HeldTorques(1.0), budget=0), "at least 1"),
+        (lambda: falsify(lambda x: x[:2], HeldTorques(1.0)), "without JAX"),
     ],
 )
 def test_what_makes_no_sense_is_refused(make, said):

@@ -6,7 +6,7 @@ A file holds all that it takes to look at the fall, and all that it takes to sim
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -28,9 +28,13 @@ _COLUMNS = ("t", *STATE_NAMES, "u1", "u2", "foot_x", "phase")
 
 
 def write_counterexamples(
-    folder: Path, lane: str, result: Falsification, parameters: CompassParameters, behaviour: Behaviour
+    folder: Path,
+    lane: str,
+    results: Sequence[Falsification],
+    parameters: CompassParameters,
+    behaviour: Behaviour,
 ) -> tuple[Path, ...]:
-    """Write a lane's counterexamples into the folder `counterexamples` of a run, in place of older ones.
+    """Write a lane's counterexamples into the folder `counterexamples` of a run, in place of all older ones.
 
     **Arguments:** `folder`, the run's; `lane`, its name or a baseline's; `behaviour`, whose phases the walk
     is drawn with.
@@ -38,10 +42,11 @@ def write_counterexamples(
     **Returns:** where they are, LANE-1.json first; nothing is written where there are none.
     """
     place = folder / "counterexamples"
-    paths = tuple(place / f"{lane}-{number}.json" for number in range(1, len(result.counterexamples) + 1))
+    found = [(one, result) for result in results for one in result.counterexamples]
+    paths = tuple(place / f"{lane}-{number}.json" for number in range(1, len(found) + 1))
     if paths:
         place.mkdir(exist_ok=True)
-    for number, (path, one) in enumerate(zip(paths, result.counterexamples, strict=True), start=1):
+    for number, (path, (one, result)) in enumerate(zip(paths, found, strict=True), start=1):
         data = _data(lane, number, one, result, parameters, behaviour)
         write_atomic(path, json.dumps(data, ensure_ascii=False, allow_nan=False) + "\n")
     for old in place.glob("*.json"):

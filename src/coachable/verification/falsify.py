@@ -6,7 +6,7 @@ more, by `resimulation.py`, with nothing of what the search ran on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -21,7 +21,7 @@ from coachable.errors import MissingExtraError, ParameterError
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
 from coachable.rewards.setup import PAPER_SETUPS
 from coachable.verification.margin import Controller, endurance
-from coachable.verification.perturbation import Perturbation, Points
+from coachable.verification.perturbation import Perturbation, Points, usual_perturbations
 from coachable.verification.resimulation import Resimulation, numpy_controller, resimulate
 
 Method = Literal["cma-es", "random"]
@@ -167,6 +167,45 @@ def falsify(
     )
 
 
+def search_for_falls(
+    controller: Controller,
+    section_point: Sequence[float] | None,
+    *,
+    parameters: CompassParameters = PAPER_PARAMETERS,
+    clock: Clock = "free",
+    budget: int = 2_000,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Falsification, ...]:
+    """`falsify` with each of `usual_perturbations`: what a passport holds.
+
+    **Arguments:** `section_point`, where the walker's gait is right after touchdown, (β, θ̇1, θ̇2), or `None`;
+    `budget`, of each search of each; `progress`, called with (walks taken, walks in all); the rest as in
+    `falsify`, and so is what is raised.
+    """
+    perturbations = usual_perturbations(section_point)
+    results, in_all = [], 2 * budget * len(perturbations)
+    for perturbation in perturbations:
+        before = 2 * budget * len(results)
+
+        def told(done: int, _: int, before: int = before) -> None:
+            if progress is not None:
+                progress(before + done, in_all)
+
+        results.append(
+            falsify(
+                controller,
+                perturbation,
+                parameters=parameters,
+                clock=clock,
+                budget=budget,
+                seed=seed,
+                progress=told,
+            )
+        )
+    return tuple(results)
+
+
 def summary_of(result: Falsification) -> str:
     """A falsification for people, a few lines."""
     lines = [f"Looked for a fall within {result.seconds:g} s: {result.perturbation.sentence}."]
@@ -255,7 +294,9 @@ def _walks(
 
     def walks(points: Points):
         whole = np.concatenate([points, np.repeat(points[:1], POPULATION - len(points), axis=0)])
-        margins, times, fell = map(np.asarray, _walk_all(task, controller, *perturbation.at(whole)))
+        margins, times, fell = map(
+            np.asarray, _walk_all(task, controller, *map(jnp.asarray, perturbation.at(whole)))
+        )
         count = len(points)
         return margins[:count], times[:count], fell[:count]
 

@@ -90,12 +90,12 @@ class SectionBox:
 
 
 @dataclass(frozen=True)
-class Pushes:
+class HeldTorques:
     """Torques of at most `bound` [N m], added to the ankle's and the hip's in the walk's first `seconds`.
 
     Each is held for `hold` control steps. The sum is not clipped to the box of the controller's torques.
 
-    **Raises:** `ParameterError` for a bound that is not positive, and for times that hold no push.
+    **Raises:** `ParameterError` for a bound that is not positive, and for times that hold no torque.
     """
 
     bound: float
@@ -106,17 +106,17 @@ class Pushes:
     def __post_init__(self):
         if not 0 < self.bound < math.inf:
             raise ParameterError(
-                f"the bound of a push must be a positive number of N m, but it is {self.bound!r}"
+                f"the bound of a torque must be a positive number of N m, but it is {self.bound!r}"
             )
         if self.hold < 1 or not self.hold * CONTROL_DT <= self.seconds < math.inf:
             raise ParameterError(
-                f"pushes of {self.hold} control steps each do not fit into {self.seconds} s; hold each for "
-                "at least one, and push for at least as long"
+                f"torques held for {self.hold} control steps do not fit into {self.seconds} s; hold each for "
+                "at least one, and disturb for at least as long"
             )
 
     @property
     def count(self) -> int:
-        """How many pushes each joint gets."""
+        """How many torques each joint gets."""
         return int(self.seconds / CONTROL_DT + 0.5) // self.hold
 
     @property
@@ -128,17 +128,30 @@ class Pushes:
     def sentence(self) -> str:
         """What it is, in words."""
         return (
-            f"pushes of at most {self.bound:g} N m at ankle and hip in the first {self.seconds:g} s, "
+            f"torques of at most {self.bound:g} N m added at ankle and hip in the first {self.seconds:g} s, "
             f"each held for {self.hold * CONTROL_DT:g} s"
         )
 
     def at(self, points: Points) -> tuple[Starts, Torques]:
         """The starts, all the same one, and the disturbances at points of the cube."""
-        pushes = self.bound * points.reshape(-1, self.count, 2)
-        return np.tile(np.array(self.x0), (len(points), 1)), np.repeat(pushes, self.hold, axis=1)
+        torques = self.bound * points.reshape(-1, self.count, 2)
+        return np.tile(np.array(self.x0), (len(points), 1)), np.repeat(torques, self.hold, axis=1)
 
 
-Perturbation = StartBox | SectionBox | Pushes
+Perturbation = StartBox | SectionBox | HeldTorques
+
+
+def usual_perturbations(section_point: Sequence[float] | None) -> tuple[Perturbation, ...]:
+    """What a walker is tried with in a passport.
+
+    **Arguments:** `section_point`, where its gait is right after touchdown, (β, θ̇1, θ̇2) [rad, rad/s], or
+    `None` if it has none; then no box of the section is searched.
+    """
+    around_start, torques = StartBox((0.03, 0.03, 0.04, 0.2)), HeldTorques(0.2)
+    if section_point is None:
+        return around_start, torques
+    beta, dtheta_1, dtheta_2 = map(float, section_point)
+    return around_start, SectionBox((0.02, 0.1, 0.1), (beta, dtheta_1, dtheta_2)), torques
 
 
 def _undisturbed(points: Points) -> Torques:
