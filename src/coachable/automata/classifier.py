@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import reduce
+from functools import lru_cache, reduce
 from operator import and_
 from types import ModuleType
 from typing import Any
@@ -83,8 +83,12 @@ def holds_at(predicate: Predicate, values: Mapping[str, Float[Any, "*batch"]]) -
     """`holds` for arrays of any of the libraries, without warnings."""
     like = next(iter(values.values()))
     xp = array_library(like)
+    decide = decision(predicate, _Torch(xp, like)) if xp.__name__ == "torch" else _decision(predicate, xp)
     with np.errstate(all="ignore"):
-        return decision(predicate, _Torch(xp, like) if xp.__name__ == "torch" else xp)(values)
+        return decide(values)
+
+
+_decision = lru_cache(maxsize=1_000)(decision)
 
 
 def array_library(array: Any) -> ModuleType:

@@ -28,7 +28,9 @@ def export(
     out: Annotated[
         Path,
         arg(
-            aliases=["-o"], metavar="FILE", help="x.kyx (KeYmaera X), x.xml (SpaceEx) or x.py (plain Python)."
+            aliases=["-o"],
+            metavar="FILE",
+            help="x.onnx (the policy alone), x.kyx (KeYmaera X), x.xml (SpaceEx) or x.py (plain Python).",
         ),
     ],
     setup: Annotated[str | None, option("NAME", "The lane's setup.", otherwise="the plan's first")] = None,
@@ -54,17 +56,24 @@ def export(
         ),
     ] = None,
 ) -> None:
-    """Write a behaviour's automaton with the closed loop as a model for another tool.
+    """Write a policy for other programs, or a behaviour's automaton with the closed loop for other tools.
 
-    Of a run it is driven by a lane's policy, which the Python program holds; KeYmaera X and SpaceEx get its
-    bounds. A behaviour is driven by a baseline, or by free inputs. For example:
+    ONNX holds a lane's policy, of a study or a training, and needs the [onnx] extra. The other files hold the
+    compass walker with its automaton. Of a run it is driven by a lane's policy, which the Python program
+    holds; KeYmaera X and SpaceEx get its bounds. A behaviour is driven by a baseline, or by free inputs.
 
+    For example:
+
+        coachable export runs/paper --setup orthant --seed 3 -o policy.onnx
         coachable export runs/paper --setup orthant --seed 3 -o walker.py
         coachable export --baseline virtual-gravity -o walker.kyx
         coachable export compass-walking -o automaton.xml
     """
+    if out.suffix.lower() == ".onnx":
+        _write_onnx(what, setup, seed, which, out)
+        return
     if (write := _WRITERS.get(out.suffix.lower())) is None:
-        raise CoachableError(f"{out}: give a file that ends in {', '.join(_WRITERS)}")
+        raise CoachableError(f"{out}: give a file that ends in {', '.join(('.onnx', *_WRITERS))}")
     if what is not None and (Path(what) / "manifest.json").exists():
         if baseline is not None:
             raise CoachableError("a run has policies of its own; leave out either the run or --baseline")
@@ -75,6 +84,21 @@ def export(
         model = _behaviour(what or "compass-walking", baseline, clock)
     out.write_text(write(model), encoding="utf-8")
     print(f"{out}: {model.name}")
+
+
+def _write_onnx(
+    what: str | None, setup: str | None, seed: int | None, which: Literal["last", "best"], out: Path
+) -> None:
+    from coachable.learning.onnx_graph import onnx_bytes
+    from coachable.studies.files import write_atomic
+    from coachable.studies.store import open_run
+
+    if what is None:
+        raise CoachableError("which policy? Give a run folder: coachable export runs/paper -o policy.onnx")
+    run = open_run(what)
+    setup, seed = setup or run.plan.setups[0].name, run.plan.first_seed if seed is None else seed
+    write_atomic(out, onnx_bytes(run.policy(setup, seed, which)))
+    print(f"{out}: {which} policy of {run.lane(setup, seed).name}")
 
 
 def _lane(
