@@ -1,5 +1,6 @@
 """The command line: quick help with examples, a clear message for a mistake, what the commands print."""
 
+import csv
 import json
 import shutil
 import subprocess
@@ -141,6 +142,22 @@ def test_a_lane_and_a_baseline_can_be_watched(capsys, small_run, tmp_path):
     assert lane.read_bytes().startswith(b"\x89PNG")
     assert best.read_bytes().startswith(b"GIF")
     assert b"<svg" in baseline.read_bytes()
+
+
+def test_a_lane_is_exported_with_its_policy(capsys, small_run, tmp_path):
+    lane = ("--setup", "sparse", "--seed", "4", "-o")
+    out, _, status = run(capsys, "export", small_run.path, *lane, tmp_path / "walker.py")
+    assert status == 0
+    assert "last policy of sparse-4" in out
+    walked = subprocess.run([sys.executable, "-I", tmp_path / "walker.py"], capture_output=True, text=True)
+    *_, last = csv.DictReader(walked.stdout.splitlines())
+    stored = small_run.trajectory("sparse", 4)
+    assert float(last["t"]) == pytest.approx(stored["t"][-1], abs=1e-3)
+    assert float(last["theta_2"]) == pytest.approx(stored["theta_2"][-1], abs=1e-2)
+    for path, wrong in ((small_run.path, ("--baseline", "none")), (tmp_path, ())):
+        _, err, status = run(capsys, "export", path, *wrong, "-o", tmp_path / "walker.kyx")
+        assert status == 2
+        assert "--baseline" in err or "manifest.json" in err
 
 
 def test_several_seeds_are_watched_side_by_side(capsys, small_run, tmp_path):

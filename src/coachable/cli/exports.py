@@ -74,7 +74,7 @@ def export(
         return
     if (write := _WRITERS.get(out.suffix.lower())) is None:
         raise CoachableError(f"{out}: give a file that ends in {', '.join(('.onnx', *_WRITERS))}")
-    if what is not None and (Path(what) / "manifest.json").exists():
+    if what is not None and Path(what).is_dir():
         if baseline is not None:
             raise CoachableError("a run has policies of its own; leave out either the run or --baseline")
         model = _lane(Path(what), setup, seed, which, clock)

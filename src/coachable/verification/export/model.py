@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from coachable.automata.hybrid import TOUCHDOWN, HybridAutomaton
+from coachable.automata.tracker import has_deadband
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.expressions import (
     Arithmetic,
@@ -113,6 +114,10 @@ class Model:
         return len(names) if phase is None else names.index(phase)
 
     @property
+    def _remembers(self) -> bool:
+        return any(phase.dwell or has_deadband(phase.predicate) for phase in self.behaviour.phases)
+
+    @property
     def driven_by(self) -> str:
         """Where the torques come from, in words."""
         if self.controller is None:
@@ -135,7 +140,7 @@ class Model:
             "Invariants are closed: neighbours share their boundary, or no edge could be taken.",
             "A touchdown is a falling zero of theta_1 + theta_2 with the swing leg ahead; a swing foot that "
             "passes below the ground must rise above it first. Feet may chatter.",
-            *(("Dwell times are left out.",) if any(phase.dwell for phase in self.behaviour.phases) else ()),
+            *(("Deadbands and dwell times are left out.",) if self._remembers else ()),
             "This states a model. It proves nothing.",
         )
 
