@@ -93,7 +93,8 @@ class SectionBox:
 class HeldTorques:
     """Torques of at most `bound` [N m], added to the ankle's and the hip's in the walk's first `seconds`.
 
-    Each is held for `hold` control steps. The sum is not clipped to the box of the controller's torques.
+    Each is held for `hold` control steps, which touchdowns cut short where they restart the clock. The sum is
+    not clipped to the box of the controller's torques.
 
     **Raises:** `ParameterError` for a bound that is not positive, and for times that hold no torque.
     """
