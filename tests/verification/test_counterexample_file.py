@@ -9,7 +9,8 @@ from coachable.errors import RunFolderError
 from coachable.plants.compass import PAPER_PARAMETERS, STATE_NAMES
 from coachable.plants.controllers import NoTorque
 from coachable.verification.counterexample_file import load_counterexample, write_counterexamples
-from coachable.verification.falsify import Counterexample, Fall, Falsification, Search
+from coachable.verification.fall_search import Fall, Search
+from coachable.verification.falsify import Counterexample, Falsification
 from coachable.verification.perturbation import HeldTorques
 from coachable.verification.resimulation import resimulate
 

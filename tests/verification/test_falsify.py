@@ -94,7 +94,7 @@ def test_both_searches_spend_their_budget_exactly(steady, box, monkeypatch, budg
 
         return walks
 
-    monkeypatch.setattr(falsification, "_walks", counted)
+    monkeypatch.setattr(falsification, "walks_of", counted)
     result = falsify(steady, box, budget=budget, progress=lambda *done: told.append(done))
     assert [search.walks for search in result.searches] == [budget, budget]
     assert sum(walked) == 2 * budget
@@ -104,7 +104,7 @@ def test_both_searches_spend_their_budget_exactly(steady, box, monkeypatch, budg
 
 def test_a_passport_tries_starts_the_section_and_torques(steady, monkeypatch):
     up = np.ones(16), np.ones(16), np.zeros(16, bool)
-    monkeypatch.setattr(falsification, "_walks", lambda *_: lambda points: up)
+    monkeypatch.setattr(falsification, "walks_of", lambda *_: lambda points: up)
     for point, kinds in (
         ((0.3, -1.1, -0.2), [StartBox, SectionBox, HeldTorques]),
         (None, [StartBox, HeldTorques]),
