@@ -20,9 +20,15 @@ from coachable.verification.falsify import falsify, search_for_falls, summary_of
 from coachable.verification.margin import endurance
 from coachable.verification.perturbation import HeldTorques, SectionBox, StartBox
 from coachable.verification.resimulation import Resimulation, numpy_controller, resimulate
+from tests.verification import planted as planted_walkers
 
 STRIDE = 0.7
 """Less than a stride of the walker with the constant torque [s]: nobody comes by the corner a second time."""
+
+
+box = pytest.fixture(scope="module")(planted_walkers.box)
+steady = pytest.fixture(scope="module")(planted_walkers.steady)
+trapped = pytest.fixture(scope="module")(planted_walkers.trapped)
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from coachable.learning.policy import Policy
 from coachable.plants.compass import STATE_NAMES
@@ -14,19 +13,16 @@ CENTRE, HALF_WIDTHS = (0.327, -1.1905, -0.0485), (0.01, 0.03, 0.03)
 """Around where it touches down; from all of this box it walks."""
 
 
-@pytest.fixture(scope="session")
 def box():
     """Starts from which the steady policy walks."""
     return SectionBox(HALF_WIDTHS, CENTRE)
 
 
-@pytest.fixture(scope="session")
 def steady():
     """A policy that asks for the constant torque, whatever happens."""
     return switched(jnp.zeros(4), 0.0, 0.0)
 
 
-@pytest.fixture(scope="session")
 def trapped():
     """The same, but in the corner (+, −, −) of the box it kicks itself over.
 
