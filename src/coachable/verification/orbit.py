@@ -166,10 +166,11 @@ def find_orbits(loops: Loop, walks: Sequence[Walk], clock: Clock) -> list[Orbit]
     if clock == "free":
         return [_free_orbit(loops, walk, last) for walk, last in zip(walks, lasts, strict=True)]
     guesses = np.stack([last[-1] if len(last) else np.full(3, np.nan) for last in lasts])
-    found = {k: fixed_points(loops, guesses, np.full(len(walks), k)) for k in PERIODS}
+    some_walk = any(walk.up for walk in walks)  # else nothing needs to be compiled
+    found = {k: fixed_points(loops, guesses, np.full(len(walks), k)) for k in PERIODS if some_walk}
     orbits = []
     for lane, (walk, last) in enumerate(zip(walks, lasts, strict=True)):
-        candidates = {k: found[k][lane] for k in PERIODS}
+        candidates = {k: points[lane] for k, points in found.items()}
         k = _period(walk, last, candidates)
         if k is None:
             orbits.append(_unsettled(loops, walk, last, clock))

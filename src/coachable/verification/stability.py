@@ -87,6 +87,8 @@ def stabilities(loops: Loop, orbits: Sequence[Orbit]) -> list[Stability | None]:
     To be called under `jax.enable_x64(True)`, with orbits under the touchdown clock.
     """
     periods = np.array([orbit.num_steps for orbit in orbits])
+    if not periods.any():
+        return [None] * len(orbits)
     points = np.array([orbit.points[0] if orbit.num_steps else (np.nan,) * 3 for orbit in orbits])
     _, coarse, _ = follow(loops, points, periods)
     _, fine, _ = follow(loops, points, periods, refinement=2)

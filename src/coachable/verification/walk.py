@@ -24,28 +24,28 @@ MORE_SAMPLES = 1.1
 """A clock that restarts at touchdown takes more samples than time over period; so many times more at most."""
 
 
-class Samples(eqx.Module):
-    """A walk sample by sample; entry n is what the nth control step did and where it ended."""
+class Sample(eqx.Module):
+    """What one control step of a walk did and where it ended; a walk is many of them, stacked."""
 
-    time: Float[Array, " steps"]
+    time: Float[Array, ""]
     """At its end [s]."""
-    x: Float[Array, "steps 4"]
+    x: Float[Array, "4"]
     """State at its end."""
-    control: Float[Array, "steps 2"]
+    control: Float[Array, "2"]
     """Torque held in it (ankle, hip) [N m]."""
-    foot_x: Float[Array, " steps"]
+    foot_x: Float[Array, ""]
     """Where the stance foot stands at its end [m]."""
-    work: Float[Array, " steps"]
+    work: Float[Array, ""]
     """What the joints have done until its end, braking counted as driving [J]."""
-    touched: Bool[Array, " steps"]
+    touched: Bool[Array, ""]
     """Whether there was a touchdown in it."""
-    touchdown_time: Float[Array, " steps"]
+    touchdown_time: Float[Array, ""]
     """When the last of them was, from the walk's start [s]."""
-    y: Float[Array, "steps 3"]
+    y: Float[Array, "3"]
     """Where on the section the walker was right after that."""
-    alive: Bool[Array, " steps"]
+    alive: Bool[Array, ""]
     """Whether the step was taken: the walker had not fallen and the time was not over."""
-    outcome: Int[Array, " steps"]
+    outcome: Int[Array, ""]
     """An `Outcome`."""
 
 
@@ -60,7 +60,7 @@ class _Now(eqx.Module):
     alive: Bool[Array, ""]
 
 
-def sample_walk(loop: Loop, x0: Float[Array, "4"], clock: Clock, seconds: float) -> Samples:
+def sample_walk(loop: Loop, x0: Float[Array, "4"], clock: Clock, seconds: float) -> Sample:
     """Walk from x0 until the walker falls or the time is over, with the touchdown rules of the task."""
     restarts = clock == "touchdown"
     metered = loop.metered
@@ -99,7 +99,7 @@ def sample_walk(loop: Loop, x0: Float[Array, "4"], clock: Clock, seconds: float)
             in_a_row=jnp.where(cut, begin.in_a_row + moved.touchdowns, 0),
             alive=now.alive & ~ended & ~time_is_up,
         )
-        return after, Samples(
+        return after, Sample(
             time=time,
             x=moved.x[:4],
             control=control,
@@ -148,7 +148,7 @@ class Walk:
         return self.outcome is Outcome.WALKING
 
     @staticmethod
-    def of(samples: Samples, x0: np.ndarray) -> "Walk":
+    def of(samples: Sample, x0: np.ndarray) -> "Walk":
         """The steps that were taken, of one walk."""
         taken = jax.tree.map(lambda leaf: np.asarray(leaf)[np.asarray(samples.alive)], samples)
         touched = taken.touched & (taken.outcome == Outcome.WALKING)
@@ -180,5 +180,5 @@ def settle(
 
 
 @eqx.filter_jit
-def _sample_walks(loops: Loop, starts: Float[Array, "walkers 4"], clock: Clock, seconds: float) -> Samples:
+def _sample_walks(loops: Loop, starts: Float[Array, "walkers 4"], clock: Clock, seconds: float) -> Sample:
     return eqx.filter_vmap(lambda loop, x0: sample_walk(loop, x0, clock, seconds))(loops, starts)
