@@ -1,57 +1,48 @@
-"""Other masses, lengths and gravity do what dimensions say; limits are survived and what is beyond is not."""
+"""A disturbed walker is the one with other parameters; limits are among the amounts that are tried."""
+
+import dataclasses
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coachable.plants.compass import CompassWalker
+from coachable.plants.compass import CompassParameters, CompassWalker
 from coachable.verification import pushes as pushes_module
-from coachable.verification.disturbance import disturbed_walker, undisturbed
+from coachable.verification.disturbance import OtherWalker, undisturbed
 from coachable.verification.pushes import pushes
 from coachable.verification.section import Loop
 
 from .conftest import WALKS
 
-NO_TORQUE = jnp.zeros(2)
+
+def other(**changes):
+    """A walker that is other than nominal in these ways."""
+    values = {name: jnp.asarray(value) for name, value in changes.items()}
+    return OtherWalker(CompassWalker(), dataclasses.replace(undisturbed(), **values))
 
 
-def flows(x, control, **changes):
-    """The accelerations of a disturbed walker, in states side by side."""
-    values = undisturbed()
-    disturbance = type(values)(**{**vars(values), **{k: jnp.asarray(v) for k, v in changes.items()}})
-    return jax.vmap(lambda x: disturbed_walker(CompassWalker(), disturbance).flow(x, control))(x)
-
-
-@pytest.fixture
-def x():
-    return jnp.asarray(np.random.default_rng(0).uniform(-1, 1, (20, 4)), jnp.float32)
-
-
-def test_without_a_disturbance_nothing_changes(x):
-    plant, torque = CompassWalker(), jnp.array([-1.0, 0.3])
-    np.testing.assert_allclose(flows(x, torque), jax.vmap(lambda x: plant.flow(x, torque))(x), rtol=1e-5)
-
-
-def test_masses_do_not_matter_to_falling_and_are_pushed_harder_to_move_the_same(x):
-    np.testing.assert_allclose(flows(x, NO_TORQUE, mass=3.0), flows(x, NO_TORQUE), rtol=1e-4, atol=1e-4)
+@pytest.mark.parametrize(("mass", "length", "gravity"), [(1.0, 1.0, 1.0), (3.0, 0.5, 1.0), (0.7, 1.3, 0.2)])
+def test_it_is_the_walker_with_these_parameters(x64, mass, length, gravity):
+    scaled = CompassParameters(1.0 * mass, 0.5 * mass, 0.5 * length, 0.5 * length, 9.807 * gravity)
+    expected, got = CompassWalker(scaled), other(mass=mass, length=length, gravity=gravity)
+    x = jnp.asarray(np.random.default_rng(0).uniform(-1, 1, (50, 4)))
     torque = jnp.array([-1.0, 0.3])
-    np.testing.assert_allclose(flows(x, 3 * torque, mass=3.0), flows(x, torque), rtol=1e-4, atol=1e-4)
+    for one, two in (
+        (lambda x: got.flow(x, torque), lambda x: expected.flow(x, torque)),
+        (got.impact, expected.impact),
+        (got.guard, expected.guard),
+        (got.fall_margin, expected.fall_margin),
+    ):
+        np.testing.assert_allclose(jax.vmap(one)(x), jax.vmap(two)(x), rtol=1e-11, atol=1e-11)
 
 
-def test_longer_legs_in_stronger_gravity_swing_the_same(x):
-    same = flows(x, NO_TORQUE, length=2.0, gravity=2.0)
-    np.testing.assert_allclose(same, flows(x, NO_TORQUE), rtol=1e-4, atol=1e-4)
-
-
-def test_a_slope_changes_the_ground_and_not_the_fall():
-    disturbance = undisturbed()
-    tilted = type(disturbance)(**{**vars(disturbance), "slope": jnp.asarray(0.1)})
-    walker, flat = disturbed_walker(CompassWalker(), tilted), CompassWalker()
+def test_a_slope_changes_the_ground_and_not_the_fall(x64):
+    walker, flat = other(slope=0.1), CompassWalker()
     x = jnp.array([0.4, -0.2, -1.0, 0.5])
-    np.testing.assert_array_equal(walker.flow(x, NO_TORQUE), flat.flow(x, NO_TORQUE))
+    np.testing.assert_allclose(walker.flow(x, jnp.zeros(2)), flat.flow(x, jnp.zeros(2)), rtol=1e-14)
     # Both feet are on rising ground where the legs' mean is its angle.
-    assert walker.guard(x) == pytest.approx(0.0, abs=1e-7)
+    assert walker.guard(x) == pytest.approx(0.0, abs=1e-15)
     assert flat.guard(x) > 0
 
 

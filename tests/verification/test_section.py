@@ -1,5 +1,7 @@
 """The return map is that of the plant's equations, and three ways of taking its derivative agree."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from coachable.plants.compass import CompassParameters, CompassWalker
 from coachable.plants.controllers import VirtualGravity
-from coachable.verification.disturbance import OtherWalker
+from coachable.verification.disturbance import OtherWalker, undisturbed
 from coachable.verification.orbit import follow
 from coachable.verification.section import section_point, state_of
 from coachable.verification.walk import stacked
@@ -31,7 +33,7 @@ def test_virtual_gravity_is_passive_walking_down_a_slope_in_stronger_gravity(x64
     flat = CompassWalker()
     controller = VirtualGravity(flat, slope=SLOPE)
     steeper = CompassWalker(CompassParameters(gravity=9.807 / np.cos(SLOPE)))
-    slope = OtherWalker(steeper, jnp.asarray(SLOPE))
+    slope = OtherWalker(steeper, dataclasses.replace(undisturbed(), slope=jnp.asarray(SLOPE)))
     x = random_states()
     upright = x + SLOPE * jnp.array([[1.0, 1.0, 0.0, 0.0]])
 

@@ -1,8 +1,5 @@
 """A walker that is not as it was trained: kicked, of other masses and lengths, on a slope, noisy or late."""
 
-from dataclasses import dataclass
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,7 +7,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from coachable.envs.walking_task import Clock
-from coachable.plants.compass import CompassParameters, CompassWalker
+from coachable.plants.compass import CompassWalker
 from coachable.plants.event_search import PAPER_CHATTER
 from coachable.plants.hybrid_system import HybridSystem
 from coachable.plants.integrate import advance
@@ -43,29 +40,23 @@ def undisturbed() -> Disturbance:
     return Disturbance(jnp.zeros(2), one, one, one, zero, zero, jnp.zeros((), bool))
 
 
-@dataclass(frozen=True, eq=False)
-class _TracedParameters(CompassParameters):
-    """Parameters that are arrays inside a compiled program, which serves every value of them."""
-
-    hip_mass: Any = 1.0
-    leg_mass: Any = 1.0
-    a: Any = 1.0
-    b: Any = 1.0
-    gravity: Any = 1.0
-
-    def __post_init__(self):
-        """Nothing can be checked here: the values are not known yet."""
-
-
 class OtherWalker(HybridSystem):
-    """A compass walker on a slope: the ground's angle is taken off the legs' where the ground matters."""
+    """A compass walker with all masses, all lengths and gravity multiplied, on ground that may slope.
+
+    With factors μ, λ and γ the inertias are multiplied by μλ² and the weights by μλγ, so that
+    θ̈ = M⁻¹ (S u / (μλ²) − C θ̇ − (γ/λ) g(θ)) with the M, C and g of the walker as it was. Its impact stays.
+    The ground's angle is taken off the legs' angles where the ground matters.
+    """
 
     walker: CompassWalker
-    slope: Float[Array, ""]
+    disturbance: Disturbance
 
     def flow(self, x: Float[Array, "4"], control: Float[Array, "2"]) -> Float[Array, "4"]:
-        """The walker's: gravity points down, whatever the ground does."""
-        return self.walker.flow(x, control)
+        """The walker's under the torque that has the same effect; gravity points down on a slope, too."""
+        d = self.disturbance
+        lightened = (1 - d.gravity / d.length) * self.walker.gravity_torque(x)
+        relief = jnp.linalg.solve(self.walker.input_matrix().astype(x.dtype), lightened)
+        return self.walker.flow(x, control / (d.mass * d.length**2) + relief)
 
     def guard(self, x: Float[Array, "4"]) -> Float[Array, ""]:
         """The walker's, of angles from the ground's normal."""
@@ -93,20 +84,7 @@ class OtherWalker(HybridSystem):
         return self.walker.fall_margin(self._from_normal(x))
 
     def _from_normal(self, x: Float[Array, "4"]) -> Float[Array, "4"]:
-        return x - self.slope * jnp.array([1, 1, 0, 0], x.dtype)
-
-
-def disturbed_walker(plant: CompassWalker, disturbance: Disturbance) -> OtherWalker:
-    """The plant with other parameters on another ground; to be built inside the function that is compiled."""
-    p = plant.parameters
-    parameters = _TracedParameters(
-        hip_mass=p.hip_mass * disturbance.mass,
-        leg_mass=p.leg_mass * disturbance.mass,
-        a=p.a * disturbance.length,
-        b=p.b * disturbance.length,
-        gravity=p.gravity * disturbance.gravity,
-    )
-    return OtherWalker(CompassWalker(parameters, plant.backward_passing_counts), disturbance.slope)
+        return x - self.disturbance.slope * jnp.array([1, 1, 0, 0], x.dtype)
 
 
 def seconds_up(
@@ -118,7 +96,7 @@ def seconds_up(
     seconds: float,
 ) -> Float[Array, ""]:
     """How long the walker stays up from a point of the section, of so many seconds [s]."""
-    plant = disturbed_walker(loop.plant, disturbance)
+    plant = OtherWalker(loop.plant, disturbance)
     restarts = clock == "touchdown"
     upright, kick = jnp.zeros(2, y.dtype), disturbance.kick
     x0 = state_of(y) + jnp.concatenate([upright + disturbance.slope, kick])

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float, Int
 
 from coachable.envs.walking_task import Clock
 from coachable.verification.disturbance import Disturbance, seconds_up, undisturbed
@@ -170,16 +170,20 @@ def _survives(
     loop: Loop, clock: Clock, y: Float[Array, "3"], disturbances: Disturbance, seeds: np.ndarray
 ) -> np.ndarray:
     """Whether each disturbance is survived."""
-    keys = jax.vmap(jax.random.PRNGKey)(jnp.asarray(seeds))
-    seconds = _seconds_up(loop, clock, y, jax.tree.map(jnp.asarray, disturbances), keys)
+    seconds = _seconds_up(loop, clock, y, jax.tree.map(jnp.asarray, disturbances), jnp.asarray(seeds))
     return np.asarray(seconds) >= SECONDS - loop.control_dt / 2
 
 
 @eqx.filter_jit
 def _seconds_up(
-    loop: Loop, clock: Clock, y: Float[Array, "3"], disturbances: Disturbance, keys: PRNGKeyArray
+    loop: Loop,
+    clock: Clock,
+    y: Float[Array, "3"],
+    disturbances: Disturbance,
+    seeds: Int[Array, " disturbances"],
 ) -> Float[Array, " disturbances"]:
     def one(pair):
-        return seconds_up(loop, clock, y, *pair, seconds=SECONDS)
+        disturbance, seed = pair
+        return seconds_up(loop, clock, y, disturbance, jax.random.PRNGKey(seed), seconds=SECONDS)
 
-    return lax.map(one, (disturbances, keys), batch_size=_AT_ONCE)
+    return lax.map(one, (disturbances, seeds), batch_size=_AT_ONCE)
