@@ -50,7 +50,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(2)
     except KeyboardInterrupt:
         goes_on = f" Nothing is lost; go on with:\n  {shlex.join(['coachable', *arguments])}"
-        print("\nStopped." + (goes_on if arguments[:1] in (["study"], ["train"]) else ""), file=sys.stderr)
+        resumable = arguments[:1] in (["study"], ["train"]) or "--all" in arguments
+        print("
+Stopped." + (goes_on if resumable else ""), file=sys.stderr)
         sys.exit(130)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
@@ -70,8 +71,15 @@ def verify(
     width = min(GROUP, len(subjects))
     groups = [subjects[first : first + width] for first in range(0, len(subjects), width)]
 
+    stopped = threading.Event()
+
+    def tell_unless_stopped(name: str, share: float) -> None:
+        if stopped.is_set():
+            raise InterruptedError("the verification was stopped")
+        tell(name, share)
+
     def work(group: Sequence[Subject]) -> list[Passport]:
-        return _verify_group(group, width, level, folder, baseline, beside, tell)
+        return _verify_group(group, width, level, folder, baseline, beside, tell_unless_stopped)
 
     done = {0: work(groups[0])}  # alone, so that each program is compiled once
     with ThreadPoolExecutor(num_cores()) as pool:
@@ -80,6 +88,7 @@ def verify(
             for future in as_completed(futures):
                 done[futures[future]] = future.result()
         except BaseException:
+            stopped.set()  # what is under way ends at its next chunk of starts
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     return [passport for index in range(len(groups)) for passport in done[index]]
