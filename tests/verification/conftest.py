@@ -71,13 +71,24 @@ def settled(walker):
 @pytest.fixture(scope="session")
 def run_folder(tmp_path_factory):
     """A run under way: seed 0 walks, seed 1 falls, seed 2 has no policy yet, seed 3's is damaged."""
-    path = tmp_path_factory.mktemp("runs") / "small"
+    folder = begun_run(tmp_path_factory.mktemp("runs") / "small", num_seeds=4)
+    folder.write("policies/orthant-3-last.safetensors", b"not a policy")
+    folder.write("policies/orthant-3-last.json", "{}")
+    return folder.path
+
+
+@pytest.fixture(scope="session")
+def two_walkers(tmp_path_factory):
+    """A run of two seeds, of which one walks and one falls."""
+    return begun_run(tmp_path_factory.mktemp("runs") / "two", num_seeds=2).path
+
+
+def begun_run(path, num_seeds):
+    """A run folder in which the first two seeds have policies."""
     path.mkdir()
-    study = Study(name="small", num_seeds=4, setups=(RewardSetup(name="orthant", orthant=0.01),))
-    folder = RunFolder.begin(path, study, load_behaviour("compass-walking"), {}, (4,))
+    study = Study(name="small", num_seeds=num_seeds, setups=(RewardSetup(name="orthant", orthant=0.01),))
+    folder = RunFolder.begin(path, study, load_behaviour("compass-walking"), {}, (num_seeds,))
     for seed, policy in enumerate((WALKS, FALLS)):
         folder.write(f"policies/orthant-{seed}-last.safetensors", save(policy.tensors()))
         folder.write(f"policies/orthant-{seed}-last.json", json.dumps(policy.description()))
-    folder.write("policies/orthant-3-last.safetensors", b"not a policy")
-    folder.write("policies/orthant-3-last.json", "{}")
-    return path
+    return folder

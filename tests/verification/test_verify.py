@@ -69,6 +69,21 @@ def test_a_passport_is_kept_for_the_same_policy_only(capsys, run_folder, tmp_pat
     assert verify_module.kept_passport(tmp_path, subject, "quick") is None
 
 
+def test_all_walkers_are_told_in_one_table_and_not_verified_twice(capsys, two_walkers, monkeypatch):
+    monkeypatch.setattr(verify_module, "GROUP", 1)
+    out, err, status = run(capsys, two_walkers, "--all")
+    assert status == 0
+    assert "already" not in err
+    (row,) = (line.split() for line in out.splitlines() if line.strip().startswith("orthant"))
+    assert row[1:7] == ["2", "1", "1", "0", "0", "1"]  # walkers, up, every step, every 2 or 4, wander, stable
+    path = two_walkers / "passports" / "orthant-0.json"
+    before = path.stat().st_mtime_ns
+    again, err, _ = run(capsys, two_walkers, "--all")
+    assert "2 of 2 passports are there already" in err
+    assert again == out
+    assert path.stat().st_mtime_ns == before
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -51,8 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         goes_on = f" Nothing is lost; go on with:\n  {shlex.join(['coachable', *arguments])}"
         resumable = arguments[:1] in (["study"], ["train"]) or "--all" in arguments
-        print("
-Stopped." + (goes_on if resumable else ""), file=sys.stderr)
+        print("\nStopped." + (goes_on if resumable else ""), file=sys.stderr)
         sys.exit(130)
 
 

@@ -91,7 +91,7 @@ def _mean_share(passports: Sequence[Passport], name: str) -> str:
     return f"{100 * sum(shares) / len(shares):.1f}"
 
 
-def _median(values: Sequence[float], form: str) -> str:
+def _median(values: Sequence[int | float], form: str) -> str:
     if not values:
         return "–"
     ordered, middle = sorted(values), len(values) // 2
