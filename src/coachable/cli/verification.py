@@ -31,7 +31,8 @@ def verify(
     level: Annotated[
         Literal["quick", "full"],
         arg(
-            help="Adherence, orbit, stability and 1,000 starts; or 100,000 starts, pictures and pushes, too."
+            help="Adherence, orbit, stability and 1,000 starts; or 100,000 starts with pictures, pushes and "
+            "a search for falls, too, which needs the [verify] extra."
         ),
     ] = "quick",
     which: Annotated[

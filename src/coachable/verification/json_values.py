@@ -38,6 +38,8 @@ def to_json(value: Any, derived: Mapping[type, tuple[str, ...]]) -> Any:
 def from_json(kind: type[Value], data: Any, derived: Mapping[type, tuple[str, ...]]) -> Value:
     """The inverse of `to_json`; derived properties are left out.
 
+    A field with a default may be missing, so that older files can be read.
+
     **Raises:** `RunFolderError` saying where a key is missing or unknown, or a value of another type.
     """
     return _read(kind, data, derived, "")
@@ -85,13 +87,17 @@ def _read_object(kind: type, data: Any, derived: Mapping[type, tuple[str, ...]],
         raise _wrong(where, "an object", data)
     hints = typing.get_type_hints(kind)
     names = [field.name for field in dataclasses.fields(kind)]
-    for name in names:
-        if name not in data:
-            raise RunFolderError(f"{_at(where)}lacks {name!r}")
+    for field in dataclasses.fields(kind):
+        if field.name not in data and field.default is dataclasses.MISSING:
+            raise RunFolderError(f"{_at(where)}lacks {field.name!r}")
     if unknown := [key for key in data if key not in (*names, *derived.get(kind, ()))]:
         raise RunFolderError(f"{_at(where)}has an unknown key {unknown[0]!r}")
     return kind(
-        **{name: _read(hints[name], data[name], derived, f"{where}.{name}".strip(".")) for name in names}
+        **{
+            name: _read(hints[name], data[name], derived, f"{where}.{name}".strip("."))
+            for name in names
+            if name in data
+        }
     )
 
 

@@ -55,6 +55,28 @@ class Orbits:
 
 
 @dataclass(frozen=True)
+class FallSearch:
+    """A search for a fall within stated bounds, by CMA-ES with restarts and beside it at random."""
+
+    within: str
+    """What the walker may meet, in a sentence."""
+    seconds: float
+    """How long each walk lasts, at most."""
+    walks: int
+    """The budget of each of the two."""
+    first_fall: int | None
+    """In which walk CMA-ES first saw a fall."""
+    first_fall_at_random: int | None
+    """In which walk random search did."""
+    least_margin: float
+    """Of all walks of both; not positive where one falls, and small where one nearly does."""
+    confirmed: int
+    """Falls that SciPy walked once more with the same end; kept as counterexamples."""
+    unconfirmed: int
+    """Falls that SciPy was given and did not see."""
+
+
+@dataclass(frozen=True)
 class Passport:
     """What is known of one walker, at one level; docs/passport.md tells what each line means."""
 
@@ -72,6 +94,8 @@ class Passport:
     baseline: str | None
     """Who stands beside it in the table of pushes."""
     baseline_pushes: Pushes | None
+    falls: tuple[FallSearch, ...] = ()
+    """Level full, under its own clock; empty without a gait, and in `released-code` semantics."""
 
     @property
     def gait(self) -> Orbit:

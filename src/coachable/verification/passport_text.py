@@ -17,7 +17,7 @@ from coachable.verification.pushes import SECONDS as PUSH_SECONDS
 if TYPE_CHECKING:
     from coachable.verification.adherence import Adherence, Transition
     from coachable.verification.orbit import Orbit
-    from coachable.verification.passport import Passport
+    from coachable.verification.passport import FallSearch, Passport
     from coachable.verification.pushes import Pushes, Tolerance
     from coachable.verification.stability import Stability
 
@@ -54,6 +54,10 @@ def print_passport(passport: Passport, console: Console) -> None:
     console.print(Group(*parts))  # pyright: ignore[reportArgumentType]
     if passport.pushes is not None:
         console.print(Padding(_pushes(passport), (1, 0, 0, 2)))
+    if passport.falls:
+        rows = [row for search in passport.falls for row in _falls(search)]
+        title = f"looked for falls within {passport.falls[0].seconds:g} s; none found is no proof"
+        console.print(Group(*_section(title, rows)))  # pyright: ignore[reportArgumentType]
 
 
 def print_summary(passports: Sequence[Passport], console: Console) -> None:
@@ -199,6 +203,18 @@ def _basin(basin: Basin) -> tuple[str, str]:
 def _share(proportion: Proportion) -> str:
     low, high = proportion.interval
     return f"{100 * proportion.share:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+
+
+def _falls(search: FallSearch) -> list[tuple[str, str]]:
+    def first(walk: int | None) -> str:
+        return "none" if walk is None else f"first in walk {walk:,}"
+
+    tried = f"CMA-ES: {first(search.first_fall)}, at random: {first(search.first_fall_at_random)}"
+    confirmed = f"{search.confirmed} counterexamples, walked once more by SciPy" if search.confirmed else ""
+    unconfirmed = f"{search.unconfirmed} that SciPy does not confirm" if search.unconfirmed else ""
+    margin = f"least margin {search.least_margin:.3f}"
+    result = ", ".join(filter(None, (confirmed, unconfirmed))) or f"no counterexample, {margin}"
+    return [("within", search.within), (f"{search.walks:,} walks each", tried), ("result", result)]
 
 
 def _pushes(passport: Passport) -> Table:

@@ -19,10 +19,14 @@ from coachable.studies.layout import num_cores
 from coachable.verification.adherence import adherence
 from coachable.verification.basin import CHUNK, SET_NAMES, basin, draw_starts, label_starts
 from coachable.verification.basin_picture import draw_slices, slices
+from coachable.verification.counterexample_file import write_counterexamples
+from coachable.verification.fall_search import require_cma
+from coachable.verification.falsify import search_for_falls
 from coachable.verification.followed import followed_svg
 from coachable.verification.orbit import find_orbits
 from coachable.verification.passport import (
     LEVELS,
+    FallSearch,
     Level,
     Orbits,
     Passport,
@@ -38,6 +42,9 @@ from coachable.verification.walk import Walk, settle, stacked
 
 NUM_STARTS: dict[Level, int] = {"quick": 500, "full": 50_000}
 """Starts drawn from each of the two boxes."""
+
+FALL_BUDGET = 1_000
+"""Walks of each search for a fall."""
 
 GROUP = 10
 """Walkers whose orbits are looked for side by side."""
@@ -65,6 +72,8 @@ def verify(
     """
     if not subjects:
         return []
+    if level == "full":
+        require_cma()
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
     beside = _pushes_of(baseline) if baseline is not None and level == "full" else None
@@ -157,8 +166,38 @@ def _with_disturbances(
     if folder is not None and planes:
         labelled = [(plane, label_starts(loop, clock, gait, plane.starts, each)) for plane in planes]
         draw_slices(folder / f"{name}-basin.png", name, gait, labelled)
-    settled = pushes(loop, clock, gait[-1]) if level == "full" else None
-    return replace(passport, basins=found, pushes=settled)
+    if level == "quick":
+        return replace(passport, basins=found)
+    falls = _falls(subject, gait[-1], folder) if subject.walker.semantics == "paper" else ()
+    return replace(passport, basins=found, pushes=pushes(loop, clock, gait[-1]), falls=falls)
+
+
+def _falls(subject: Subject, gait: np.ndarray, folder: Path | None) -> tuple[FallSearch, ...]:
+    """The searches for falls; counterexamples are written beside the folder of the passports."""
+    parameters = subject.plant.parameters
+    found = search_for_falls(
+        subject.controller,
+        gait.tolist(),
+        parameters=parameters,
+        clock=subject.walker.clock,
+        budget=FALL_BUDGET,
+    )
+    if folder is not None:
+        run = folder.parent if folder.name == "passports" else folder
+        write_counterexamples(run, subject.walker.name, found, parameters, subject.behaviour)
+    return tuple(
+        FallSearch(
+            within=one.perturbation.sentence,
+            seconds=one.seconds,
+            walks=FALL_BUDGET,
+            first_fall=one.searches[0].first_fall,
+            first_fall_at_random=one.searches[1].first_fall,
+            least_margin=min(float(search.least_margin) for search in one.searches),
+            confirmed=len(one.counterexamples),
+            unconfirmed=len(one.unconfirmed),
+        )
+        for one in found
+    )
 
 
 def _pushes_of(subject: Subject) -> Pushes | None:
