@@ -25,8 +25,8 @@ _NEWTON_STEPS = 12
 _LAST = 32
 """How many of the last touchdowns tell what a gait has settled to."""
 _SETTLED = 1e-9
-_ON_ITS_WAY = 100.0
-"""A walk is still settling if its orbit is at most so many times as far away as it moved in a period."""
+_NEARER = 0.9
+"""A walk is still settling to an orbit if it came so much nearer over those touchdowns."""
 _REPEATS = 1e-3
 """Up to here a gait under the free clock counts as repeating itself."""
 
@@ -160,7 +160,7 @@ def find_orbits(loops: Loop, walks: Sequence[Walk], clock: Clock) -> list[Orbit]
 
     Under the touchdown clock Newton's method starts where each walk ended, for every k of `PERIODS`. The
     shortest period counts to which the walk had settled, or else, where it was still on its way, the
-    shortest with a fixed point that attracts it.
+    shortest with a stable fixed point that it came nearer to.
     """
     lasts = [walk.section[-_LAST:] for walk in walks]
     if clock == "free":
@@ -203,9 +203,9 @@ def _period(walk: Walk, last: np.ndarray, candidates: dict[int, FixedPoint]) -> 
         if np.max(np.abs(last[k:] - last[:-k])) <= _SETTLED and candidates[k].found:
             return k
     for k, candidate in candidates.items():
-        moved = np.max(np.abs(last[k:] - last[:-k]))
-        near = candidate.found and np.max(np.abs(candidate.y - last[-1])) <= _ON_ITS_WAY * moved
-        if near and np.max(np.abs(np.linalg.eigvals(candidate.jacobian))) < 1:
+        distance = np.max(np.abs(last[::-1][::k] - candidate.y), axis=1)  # latest first
+        approaches = candidate.found and distance[0] <= _NEARER * distance[-1]
+        if approaches and np.max(np.abs(np.linalg.eigvals(candidate.jacobian))) < 1:
             return k
     return None
 

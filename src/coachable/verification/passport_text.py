@@ -63,6 +63,7 @@ def print_passport(passport: Passport, console: Console) -> None:
 def print_summary(passports: Sequence[Passport], console: Console) -> None:
     """Print a table with one row for each setup."""
     table = Table(title="gait passports by setup", title_justify="left", title_style="bold", box=None)
+    table.padding, table.pad_edge = (0, 1, 0, 0), False
     for index, name in enumerate(_COLUMNS):
         table.add_column(name, justify="right" if index else "left", no_wrap=True)
     for setup in dict.fromkeys(passport.walker.setup for passport in passports):

@@ -143,13 +143,9 @@ def _kinks(loop: Loop, orbit: Orbit, walk: Walk) -> _Kinks:
     """Samples in one period, how many are clipped, and the margins to the nearest kinks."""
     if loop.hold == "continuous":
         return 0, (0, 0), None, None
-    end = walk.touchdown_time[orbit.num_steps - 1]
-    taken = walk.time < end - 1e-12
-    after_touchdown = np.concatenate([[0.0], walk.touchdown_time])
-    held = [
-        end_ - begin
-        for begin, end_ in zip(after_touchdown, walk.touchdown_time[: orbit.num_steps], strict=False)
-    ]
+    touchdowns = walk.touchdown_time[: orbit.num_steps]
+    taken = walk.time < touchdowns[-1] - 1e-12
+    held = np.diff(np.concatenate([[0.0], touchdowns]))
     rest = np.mod(held, loop.control_dt)
     sample_margin = float(np.min(np.minimum(rest, loop.control_dt - rest)))
     if not (isinstance(loop.controller, Policy) and loop.controller.squashing == "clip"):
