@@ -1,0 +1,139 @@
+"""A certificate as a file: the claim's numbers, how it is to be proven, and hashes that bind its parts."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from coachable.errors import MissingExtraError, ParameterError, RunFolderError
+from coachable.learning.policy import Policy
+from coachable.plants.compass import CompassParameters
+from coachable.plants.controllers import VirtualGravity
+from coachable.studies.files import hash_of, read_bytes, write_atomic
+from coachable.verification.section import Loop
+
+try:
+    from coachable.verification.certificate.checker import CertificateError, Verdict, check
+except ImportError as error:
+    raise MissingExtraError("a certificate", "verify") from error
+
+FORMAT, FORMAT_VERSION = "coachable certificate", 1
+PARTS = ("about", "plant", "controller", "box", "strides", "method")
+"""What a certificate consists of; each has a hash. `about` says whose it is, and no proof depends on it."""
+
+
+def plant_data(parameters: CompassParameters) -> dict[str, str]:
+    """The plant's constants as decimal numbers, the shortest that name the floats."""
+    return {
+        name: _decimal(getattr(parameters, name)) for name in ("hip_mass", "leg_mass", "a", "b", "gravity")
+    }
+
+
+def controller_data(loop: Loop) -> dict[str, Any]:
+    """The controller's numbers: virtual gravity's slope as a decimal number, a network's weights exactly.
+
+    Weights in float32 become the same numbers in float64.
+
+    **Raises:** `ParameterError` for a controller or a plant that certificates are not made for.
+    """
+    controller, hold = loop.controller, None if loop.hold == "continuous" else _decimal(loop.control_dt)
+    if loop.plant.backward_passing_counts:
+        raise ParameterError("a certificate is about the semantics `paper`; this walker has `released-code`")
+    if isinstance(controller, VirtualGravity) and not controller.released:
+        return {"kind": "virtual-gravity", "slope": _decimal(controller.slope), "hold": hold}
+    if isinstance(controller, Policy) and controller.activation == "tanh" and hold is not None:
+        return {
+            "kind": "network",
+            "hold": hold,
+            "squashing": controller.squashing,
+            "low": _floats(controller.low),
+            "high": _floats(controller.high),
+            "weights": [_floats(weight) for weight in controller.weights],
+            "biases": [_floats(bias) for bias in controller.biases],
+        }
+    raise ParameterError(
+        "a certificate can be made for virtual gravity and for tanh policies, not for "
+        f"{type(controller).__name__} here"
+    )
+
+
+def write_certificate(path: Path, parts: Mapping[str, Any]) -> None:
+    """Write a certificate with the hashes of its parts, whole or not at all."""
+    whole = {name: parts[name] for name in PARTS}
+    data = {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        **whole,
+        "sha256": {name: part_hash(part) for name, part in whole.items()},
+    }
+    lines = ",\n".join(f"{json.dumps(name)}: {json.dumps(part)}" for name, part in data.items())
+    write_atomic(path, f"{{\n{lines}\n}}\n")
+
+
+def read_certificate(path: Path) -> dict[str, Any]:
+    """The certificate in a file; its parts are what was written, but nothing is proven yet.
+
+    **Raises:** `RunFolderError` naming the file and what is wrong with it.
+    """
+    try:
+        data = json.loads(read_bytes(path).decode())
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise RunFolderError(f"{path} is damaged: {error}") from None
+    if not (isinstance(data, dict) and data.get("format") == FORMAT):
+        raise RunFolderError(f"{path} is not a certificate")
+    if data.get("format_version") != FORMAT_VERSION:
+        raise RunFolderError(
+            f"{path} has format_version {data.get('format_version')!r}; this coachable reads {FORMAT_VERSION}"
+        )
+    hashes = data.get("sha256")
+    for name in PARTS:
+        if name not in data or not isinstance(hashes, dict):
+            raise RunFolderError(f"{path} is damaged: it lacks {name if name not in data else 'sha256'!r}")
+        if hashes.get(name) != part_hash(data[name]):
+            raise RunFolderError(f"{path} was changed after it was written: its {name!r} is another")
+    return data
+
+
+def recheck(
+    path: str | Path,
+    loop: Loop | None = None,
+    progress: Callable[[float], None] = lambda done: None,
+) -> Verdict:
+    """Prove the claim of a certificate file anew, by the checker alone, from the numbers in the file.
+
+    **Arguments:** `loop`, the walker that it is said to be about: its constants and its controller's numbers
+    must be those in the file; `progress`, called with the fraction done.
+
+    **Raises:** `RunFolderError` for a file that is damaged, was changed, or is about another walker.
+    """
+    path = Path(path)
+    data = read_certificate(path)
+    if loop is not None:
+        for name, own in (
+            ("plant", plant_data(loop.plant.parameters)),
+            ("controller", controller_data(loop)),
+        ):
+            if data[name] != own:
+                raise RunFolderError(f"{path} is about another walker: its {name} is not this one's")
+    try:
+        return check(data, progress)
+    except CertificateError as error:
+        raise RunFolderError(f"{path} is damaged: {error}") from None
+
+
+def part_hash(part: Any) -> str:
+    """SHA-256 of a part, as JSON with its keys in order."""
+    return hash_of(json.dumps(part, sort_keys=True, separators=(",", ":")).encode())
+
+
+def _decimal(number: float) -> str:
+    return f"{Decimal(repr(float(number))):f}"
+
+
+def _floats(array: Any) -> list:
+    return np.asarray(array).astype(np.float64).tolist()

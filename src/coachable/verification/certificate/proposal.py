@@ -1,0 +1,181 @@
+"""Propose a box around a gait; whether it returns into itself only `checker` says."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from coachable.verification.certificate.checker import Verdict, check
+from coachable.verification.certificate.file import controller_data, plant_data
+from coachable.verification.orbit import Orbit, fixed_point
+from coachable.verification.section import Loop, in_double
+
+ORDER = 6
+"""Of the Taylor polynomials; with steps of 0.01 s what order 8 would gain is below 1e-3 of the reach."""
+FIRST = (1e-5, 1e-6)
+"""Radii of the boxes that are tried first [rad and rad/s, along unit eigenvectors], in one piece."""
+LARGEST = 2e-2
+ENOUGH = 0.95
+"""A box whose images reach so much of its radius is not made larger."""
+MOST_ATTEMPTS = 8
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One box that was put to the checker."""
+
+    radius: float
+    subdivisions: int
+    """Along each axis."""
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """The largest box that was proven, and what was tried."""
+
+    certificate: Mapping[str, Any] | None
+    """Its parts, to be written; `None` if nothing was proven."""
+    attempts: tuple[Attempt, ...]
+    multipliers: tuple[complex, ...]
+    """Of DPᵏ at the fixed point."""
+    norm: float
+    """‖DPᵏ‖₂."""
+    obstacle: str
+    """Why nothing was proven, or else what bounds the radius."""
+
+    @property
+    def radius(self) -> float:
+        """Of the box that was proven; 0 if none was."""
+        return max((attempt.radius for attempt in self.attempts if attempt.verdict.proven), default=0.0)
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """What the checker said of the certificate's box, or else of the last one."""
+        proven = [attempt for attempt in self.attempts if attempt.verdict.proven]
+        best = max(proven, key=lambda attempt: attempt.radius, default=None)
+        return best.verdict if best else self.attempts[-1].verdict if self.attempts else None
+
+
+class _TimeIsUp(Exception):
+    pass
+
+
+def propose(
+    loop: Loop,
+    orbit: Orbit,
+    about: Mapping[str, Any],
+    *,
+    seconds: float = 300.0,
+    subdivisions: int = 10,
+    progress: Callable[[float], None] = lambda done: None,
+) -> Proposal:
+    """Look for the largest box around a periodic orbit under the touchdown clock that the checker proves.
+
+    Its axes are the eigenvectors of DPᵏ. A first small one tells whether there is a kink at the orbit; the
+    others follow how images' reach grows with the radius.
+
+    **Arguments:** `orbit`, a periodic one of this loop; `about`, what to write of whose certificate it is;
+    `seconds`, after which no more is tried; `subdivisions` along each axis; `progress`, called with the
+    fraction of time gone.
+
+    **Raises:** `ParameterError` for a walker that certificates are not made for.
+    """
+    began = time.monotonic()
+    with jax.enable_x64(True):
+        found = fixed_point(in_double(loop), orbit.points[0], orbit.num_steps)
+    values, basis = eigenbasis(found.jacobian)
+    facts = (tuple(complex(value) for value in values), float(np.linalg.norm(found.jacobian, 2)))
+    contraction = _row_sum(basis, found.jacobian)
+    strides = orbit.num_steps
+    if contraction >= 0.95 and np.max(np.abs(values)) < 0.95:
+        strides, contraction = 2 * strides, _row_sum(basis, found.jacobian @ found.jacobian)
+    if not contraction < 1:
+        return Proposal(None, (), *facts, f"the return map contracts by {contraction:.2f} only")
+
+    parts = {
+        "about": dict(about),
+        "plant": plant_data(loop.plant.parameters),
+        "controller": controller_data(loop),
+        "strides": strides,
+    }
+    step = parts["controller"]["hold"] or "0.01"
+    attempts: list[Attempt] = []
+
+    def tell(_: float) -> None:
+        gone = (time.monotonic() - began) / seconds
+        if gone >= 1:
+            raise _TimeIsUp
+        progress(gone)
+
+    def boxed(radius: float, number: int) -> dict[str, Any]:
+        return parts | {
+            "box": {"centre": found.y.tolist(), "basis": basis.tolist(), "radii": [radius] * 3},
+            "method": {"order": ORDER, "step": step, "subdivisions": [number] * 3},
+        }
+
+    def attempt(radius: float, number: int) -> Verdict:
+        verdict = check(boxed(radius, number), tell)
+        attempts.append(Attempt(radius, number, verdict))
+        return verdict
+
+    try:
+        for radius in FIRST:
+            verdict = attempt(radius, 1)
+            growth = (max(verdict.reach) - contraction) / radius
+            if verdict.proven:
+                break
+        radius = rounded(min(LARGEST, (1 - contraction) / max(growth, 1.0) * subdivisions**2 / 2))
+        while any(a.verdict.proven for a in attempts) and len(attempts) < MOST_ATTEMPTS:
+            verdict = attempt(radius, subdivisions)
+            best = max(a.radius for a in attempts if a.verdict.proven)
+            radius = rounded(min(LARGEST, _next(radius, contraction, verdict)))
+            if (verdict.proven and max(verdict.reach) >= ENOUGH) or radius < 1.05 * best:
+                break
+    except _TimeIsUp:
+        pass
+    proven = max((a for a in attempts if a.verdict.proven), key=lambda a: a.radius, default=None)
+    failed = [a.verdict.reason for a in attempts if not a.verdict.proven]
+    obstacle = failed[-1] if failed else "no time was left to try a larger box"
+    certificate = boxed(proven.radius, proven.subdivisions) if proven else None
+    return Proposal(certificate, tuple(attempts), *facts, obstacle)
+
+
+def eigenbasis(
+    jacobian: Float[np.ndarray, "3 3"],
+) -> tuple[np.ndarray, Float[np.ndarray, "3 3"]]:
+    """Eigenvalues, and real and imaginary parts of the unit eigenvectors as columns."""
+    values, vectors = np.linalg.eig(jacobian)
+    columns = []
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value.imag >= 0:
+            columns.append(vector.real)
+        if value.imag > 0:
+            columns.append(vector.imag)
+    return values, np.stack(columns, axis=1)
+
+
+def _row_sum(basis: np.ndarray, jacobian: np.ndarray) -> float:
+    """How much of its radius a small box reaches: the largest row sum of |Q⁻¹ DP Q|."""
+    return float(np.max(np.sum(np.abs(np.linalg.solve(basis, jacobian @ basis)), axis=1)))
+
+
+def rounded(radius: float) -> float:
+    """To two digits, downwards."""
+    scale = 10.0 ** (math.floor(math.log10(radius)) - 1)
+    return float(f"{math.floor(radius / scale) * scale:.1e}")
+
+
+def _next(radius: float, contraction: float, verdict: Verdict) -> float:
+    """The radius at which images would reach a little more than `ENOUGH`, were their reach linear in it."""
+    reach = max(verdict.reach)
+    if not reach > contraction:
+        return radius / 3
+    return radius * float(np.clip((ENOUGH + 0.02 - contraction) / (reach - contraction), 0.2, 8.0))
