@@ -163,7 +163,7 @@ def test_walkers_without_certificates_are_refused(policy):
 
 def test_the_proposer_finds_a_box_that_the_checker_proves(held_gait, monkeypatch):
     monkeypatch.setattr(proposal, "MOST_ATTEMPTS", 3)
-    monkeypatch.setattr(proposal, "ORDER", 9)  # for steps of 0.02 s
+    monkeypatch.setattr(proposal, "ORDER", 9)  # steps are of 0.02 s
     y, basis, _ = held_gait
     plant = CompassWalker()
     nothing = float("nan")

@@ -231,7 +231,7 @@ def network(layers: Any, low: np.ndarray, high: np.ndarray, squashing: str, x: I
     over = over & (there + dot(slopes, x - centre))
     if squashing == "clip":
         inside, beyond = (over.lo >= low) & (over.hi <= high), (over.hi <= low) | (over.lo >= high)
-        factor = pair(np.where(inside, 1.0, 0.0), np.where(beyond, 0.0, 1.0))
+        factor = pair(np.where(inside & ~beyond, 1.0, 0.0), np.where(beyond, 0.0, 1.0))
         u, u_there = (pair(*np.clip((v.lo, v.hi), low, high)) for v in (over, there))
     else:
         half = (point(high) - point(low)) / 2.0

@@ -10,17 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from coachable.errors import MissingExtraError, ParameterError, RunFolderError
+from coachable.errors import ParameterError, RunFolderError
 from coachable.learning.policy import Policy
 from coachable.plants.compass import CompassParameters
 from coachable.plants.controllers import VirtualGravity
 from coachable.studies.files import hash_of, read_bytes, write_atomic
+from coachable.verification.certificate.checker import CertificateError, Verdict, check
 from coachable.verification.section import Loop
-
-try:
-    from coachable.verification.certificate.checker import CertificateError, Verdict, check
-except ImportError as error:
-    raise MissingExtraError("a certificate", "verify") from error
 
 FORMAT, FORMAT_VERSION = "coachable certificate", 1
 PARTS = ("about", "plant", "controller", "box", "strides", "method")

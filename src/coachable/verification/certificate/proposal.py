@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -17,8 +17,10 @@ from coachable.verification.certificate.file import controller_data, plant_data
 from coachable.verification.orbit import Orbit, fixed_point
 from coachable.verification.section import Loop, in_double
 
-ORDER = 6
-"""Of the Taylor polynomials; with steps of 0.01 s what order 8 would gain is below 1e-3 of the reach."""
+ORDER = 8
+"""Of the Taylor polynomials. At order 6 their remainders keep boxes below 1e-6 from being proven."""
+SUBSTEPS = 16
+"""Runge–Kutta steps a control step, so that the centre is off by some 1e-11 and not by 1e-9."""
 FIRST = (1e-5, 1e-6)
 """Radii of the boxes that are tried first [rad and rad/s, along unit eigenvectors], in one piece."""
 LARGEST = 2e-2
@@ -90,7 +92,7 @@ def propose(
     """
     began = time.monotonic()
     with jax.enable_x64(True):
-        found = fixed_point(in_double(loop), orbit.points[0], orbit.num_steps)
+        found = fixed_point(in_double(replace(loop, num_substeps=SUBSTEPS)), orbit.points[0], orbit.num_steps)
     values, basis = eigenbasis(found.jacobian)
     facts = (tuple(complex(value) for value in values), float(np.linalg.norm(found.jacobian, 2)))
     contraction = _row_sum(basis, found.jacobian)
