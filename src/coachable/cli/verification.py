@@ -20,9 +20,13 @@ ControllerName = Literal["virtual-gravity", "constant-torque", "none"]
 
 def verify(
     run: Annotated[
-        Positional[str],
-        arg(metavar="RUN", help="A run folder, or a baseline: virtual-gravity, constant-torque, none."),
-    ],
+        Positional[str | None],
+        arg(
+            metavar="RUN",
+            help="A run folder, or a baseline: virtual-gravity, constant-torque, none.",
+            help_behavior_hint="",
+        ),
+    ] = None,
     setup: Annotated[str | None, option("NAME", "The lane's setup.", otherwise="the plan's first")] = None,
     seed: Annotated[int | None, option("N", "The lane's seed.", otherwise="the plan's first")] = None,
     all: Annotated[
@@ -44,6 +48,17 @@ def verify(
     ] = "virtual-gravity",
     semantics: Annotated[Semantics, arg(help="Of a baseline; a run has its own.")] = "paper",
     clock: Annotated[Literal["free", "touchdown"], arg(help="Of a baseline; a policy has its own.")] = "free",
+    certify: Annotated[
+        bool,
+        arg(
+            help="Try to prove, for five minutes a walker at most, that a box around the gait returns into "
+            "itself; needs the [verify] extra."
+        ),
+    ] = False,
+    recheck: Annotated[
+        Path | None,
+        option("FILE", "Prove a certificate's file anew, by the checker alone, and do nothing else."),
+    ] = None,
     out: Annotated[
         Path | None,
         option("DIR", "Where passports are written.", otherwise="RUN/passports; a baseline's nowhere"),
@@ -52,14 +67,23 @@ def verify(
 ) -> None:
     """Give a walker its gait passport: does it follow, repeat itself, return, and from how far?
 
-    A passport is a measurement, not a proof; docs/passport.md tells what each line means and does not mean.
-    For example:
+    A passport is a measurement, not a proof; docs/passport.md tells what each line means and does not mean,
+    and docs/certificate.md what a certificate proves and does not prove. For example:
 
         coachable verify runs/paper --setup orthant --seed 3
         coachable verify runs/paper --setup orthant --seed 3 --level full
         coachable verify runs/paper --all
         coachable verify virtual-gravity --level full
+        coachable verify runs/paper --setup orthant --all --certify
+        coachable verify --recheck runs/paper/certificates/orthant-1.json
     """
+    if recheck is not None:
+        _recheck(recheck)
+        return
+    if run is None:
+        raise CoachableError(
+            "which walker? Give a run folder or a baseline: coachable verify runs/paper --all"
+        )
     from coachable.envs.baselines import CONTROLLER_NAMES
     from coachable.studies.runner import set_up_jax
 
@@ -78,7 +102,7 @@ def verify(
     else:
         subjects, beside = _subjects(run, setup, seed, which, baseline, every=all)
         folder = out or Path(run) / "passports"
-    passports = _verified(subjects, level, folder, beside, resume=all)
+    passports = _verified(subjects, level, folder, beside, certify=certify, resume=all)
     _show(passports, summary=all, as_json=json)
     if folder is not None:
         print(f"wrote {folder}", file=sys.stderr)
@@ -118,6 +142,7 @@ def _verified(
     folder: Path | None,
     baseline: Subject | None,
     *,
+    certify: bool,
     resume: bool,
 ) -> list[Passport]:
     """The passports, those that are there already kept if `resume`."""
@@ -127,15 +152,33 @@ def _verified(
     kept = {
         subject.walker.name: passport
         for subject in subjects
-        if resume and folder is not None and (passport := kept_passport(folder, subject, level)) is not None
+        if resume
+        and folder is not None
+        and (passport := kept_passport(folder, subject, level, certify)) is not None
     }
     if kept:
         print(f"{len(kept)} of {len(subjects)} passports are there already", file=sys.stderr)
     missing = [subject for subject in subjects if subject.walker.name not in kept]
     with verification_progress(len(missing)) as tell:
-        made = verify(missing, level, folder, baseline, tell)
+        made = verify(missing, level, folder, baseline, tell, certify=certify)
     by_name = kept | {passport.walker.name: passport for passport in made}
     return [by_name[subject.walker.name] for subject in subjects]
+
+
+def _recheck(path: Path) -> None:
+    from rich.console import Console
+
+    from coachable.verification.verify import require_crival
+
+    require_crival()
+    from coachable.verification.certificate.file import recheck
+
+    with Console(stderr=True).status("proving") as status:
+        verdict = recheck(path, progress=lambda done: status.update(f"proving: {done:.0%}"))
+    print(verdict.claim)
+    print(verdict.reason)
+    if not verdict.proven:
+        sys.exit(1)
 
 
 def _show(passports: list[Passport], *, summary: bool, as_json: bool) -> None:

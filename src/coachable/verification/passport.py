@@ -77,6 +77,23 @@ class FallSearch:
 
 
 @dataclass(frozen=True)
+class Certified:
+    """An attempt at a certificate: a box around the gait that is proven to return into itself, or why not."""
+
+    proven: bool
+    radius: float
+    """Half the box's width along each eigenvector [rad and rad/s]; 0 without a proof."""
+    reach: float
+    """How far images of the box reach, over the radius; NaN if nothing was checked."""
+    strides: int
+    """Steps after which the box returns."""
+    reason: str
+    """What the checker says; without a proof, where it fails."""
+    file: str | None
+    """The certificate's name in the folder `certificates`, if it was written."""
+
+
+@dataclass(frozen=True)
 class Passport:
     """What is known of one walker, at one level; docs/passport.md tells what each line means."""
 
@@ -96,11 +113,19 @@ class Passport:
     baseline_pushes: Pushes | None
     falls: tuple[FallSearch, ...] = ()
     """Level full, under its own clock; empty without a gait, and in `released-code` semantics."""
+    certificate: Certified | None = None
+    """With the touchdown clock, if it was asked for and the gait repeats itself there."""
 
     @property
     def gait(self) -> Orbit:
         """The gait under its own clock."""
         return self.orbits.free if self.walker.clock == "free" else self.orbits.touchdown
+
+    @property
+    def certifiable(self) -> bool:
+        """Whether there is a periodic, stable orbit with the touchdown clock, by the paper's rules."""
+        stable = self.stability is not None and self.stability.verdict == "stable"
+        return stable and self.orbits.touchdown.kind == "periodic" and self.walker.semantics == "paper"
 
     @property
     def walks(self) -> bool:

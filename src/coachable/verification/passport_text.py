@@ -17,7 +17,7 @@ from coachable.verification.pushes import SECONDS as PUSH_SECONDS
 if TYPE_CHECKING:
     from coachable.verification.adherence import Adherence, Transition
     from coachable.verification.orbit import Orbit
-    from coachable.verification.passport import FallSearch, Passport
+    from coachable.verification.passport import Certified, FallSearch, Passport
     from coachable.verification.pushes import Pushes, Tolerance
     from coachable.verification.stability import Stability
 
@@ -58,6 +58,9 @@ def print_passport(passport: Passport, console: Console) -> None:
         rows = [row for search in passport.falls for row in _falls(search)]
         title = f"looked for falls within {passport.falls[0].seconds:g} s; none found is no proof"
         console.print(Group(*_section(title, rows)))  # pyright: ignore[reportArgumentType]
+    if passport.certificate is not None:
+        rows = _certificate(passport.certificate)
+        console.print(Group(*_section("certificate, touchdown clock", rows)))  # pyright: ignore
 
 
 def print_summary(passports: Sequence[Passport], console: Console) -> None:
@@ -216,6 +219,17 @@ def _falls(search: FallSearch) -> list[tuple[str, str]]:
     margin = f"least margin {search.least_margin:.3f}"
     result = ", ".join(filter(None, (confirmed, unconfirmed))) or f"no counterexample, {margin}"
     return [("within", search.within), (f"{search.walks:,} walks each", tried), ("result", result)]
+
+
+def _certificate(found: Certified) -> list[tuple[str, str]]:
+    if not found.proven:
+        return [("none", found.reason)]
+    steps = "one step" if found.strides == 1 else f"{found.strides} steps"
+    rows = [
+        ("proven", f"from anywhere in a box around the gait it is back in the box after {steps}: no fall"),
+        ("box", f"± {found.radius:g} along each eigenvector; images reach {found.reach:.3f} of that"),
+    ]
+    return rows if found.file is None else [*rows, ("file", f"certificates/{found.file}")]
 
 
 def _pushes(passport: Passport) -> Table:

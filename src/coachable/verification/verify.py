@@ -6,13 +6,14 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import jax
 import numpy as np
 
 from coachable.envs.walking_task import Clock
-from coachable.errors import RunFolderError
+from coachable.errors import MissingExtraError, RunFolderError
 from coachable.plants.compass import START
 from coachable.studies.files import write_atomic
 from coachable.studies.layout import num_cores
@@ -26,6 +27,7 @@ from coachable.verification.followed import followed_svg
 from coachable.verification.orbit import find_orbits
 from coachable.verification.passport import (
     LEVELS,
+    Certified,
     FallSearch,
     Level,
     Orbits,
@@ -46,6 +48,12 @@ NUM_STARTS: dict[Level, int] = {"quick": 500, "full": 50_000}
 FALL_BUDGET = 1_000
 """Walks of each search for a fall."""
 
+SECONDS_OF_A_PROOF = 300.0
+"""After which no larger box is tried for a certificate."""
+
+MEASURING = 0.3
+"""Share of the work on a walker, as it is told, that comes before the attempt at a certificate."""
+
 GROUP = 10
 """Walkers whose orbits are looked for side by side."""
 
@@ -64,16 +72,21 @@ def verify(
     folder: Path | None,
     baseline: Subject | None = None,
     tell: Tell = lambda name, share: None,
+    *,
+    certify: bool = False,
 ) -> list[Passport]:
     """The passports of walkers, in their order; written into a folder as soon as each is made.
 
     Arguments: subjects, whose controllers are of one kind; level, how much is looked at; folder, where
-    passports and their pictures go, if anywhere; baseline, who stands beside them in the table of pushes.
+    passports and their pictures go, if anywhere; baseline, who stands beside them in the table of pushes;
+    certify, whether to try to prove that a box around the gait returns into itself, for five minutes at most.
     """
     if not subjects:
         return []
     if level == "full":
         require_cma()
+    if certify:
+        require_crival()
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
     beside = _pushes_of(baseline) if baseline is not None and level == "full" else None
@@ -88,7 +101,7 @@ def verify(
         tell(name, share)
 
     def work(group: Sequence[Subject]) -> list[Passport]:
-        return _verify_group(group, width, level, folder, baseline, beside, tell_unless_stopped)
+        return _verify_group(group, width, level, folder, baseline, beside, tell_unless_stopped, certify)
 
     done = {0: work(groups[0])}  # alone, so that each program is compiled once
     with ThreadPoolExecutor(num_cores()) as pool:
@@ -111,6 +124,7 @@ def _verify_group(
     baseline: Subject | None,
     beside: Pushes | None,
     tell: Tell,
+    certify: bool,
 ) -> list[Passport]:
     padded = [*group, *[group[-1]] * (width - len(group))]
     with jax.enable_x64(True):
@@ -133,7 +147,12 @@ def _verify_group(
             baseline=None if beside is None or baseline is None else baseline.walker.name,
             baseline_pushes=beside,
         )
-        passport = _with_disturbances(passport, subject, walk, folder, tell)
+        measuring = MEASURING if certify and passport.certifiable else 1.0
+        passport = _with_disturbances(
+            passport, subject, walk, folder, lambda name, share, part=measuring: tell(name, part * share)
+        )
+        if certify and passport.certifiable:
+            passport = replace(passport, certificate=_certificate(passport, subject, folder, tell))
         if folder is not None:
             path = write_passport(folder, passport)
             picture = path.with_name(f"{path.stem}-automaton.svg")
@@ -172,6 +191,54 @@ def _with_disturbances(
     return replace(passport, basins=found, pushes=pushes(loop, clock, gait[-1]), falls=falls)
 
 
+def _certificate(passport: Passport, subject: Subject, folder: Path | None, tell: Tell) -> Certified:
+    """Try to prove that a box around the gait returns into itself; a certificate is written."""
+    from coachable.verification.certificate.file import write_certificate
+    from coachable.verification.certificate.proposal import propose
+
+    walker, told = passport.walker, 0.0
+
+    def progress(gone: float) -> None:
+        nonlocal told
+        tell(walker.name, (1 - MEASURING) * (gone - told))
+        told = gone
+
+    about = {
+        "walker": walker.name,
+        "run": None if walker.setup is None or folder is None else folder.resolve().parent.name,
+        "policy_sha256": walker.policy_sha256,
+    }
+    proposal = propose(
+        subject.loop, passport.orbits.touchdown, about, seconds=SECONDS_OF_A_PROOF, progress=progress
+    )
+    progress(1.0)
+    path = None
+    if proposal.certificate is not None and folder is not None:
+        path = _run_of(folder) / "certificates" / f"{walker.name}.json"
+        path.parent.mkdir(exist_ok=True)
+        write_certificate(path, proposal.certificate)
+    verdict = proposal.verdict
+    return Certified(
+        proven=proposal.certificate is not None,
+        radius=proposal.radius,
+        reach=float("nan") if verdict is None else float(max(verdict.reach)),
+        strides=passport.orbits.touchdown.num_steps,
+        reason=verdict.reason if verdict is not None and verdict.proven else proposal.obstacle,
+        file=None if path is None else path.name,
+    )
+
+
+def _run_of(folder: Path) -> Path:
+    """Where what lies beside the passports goes: the run's folder, if they are in it."""
+    return folder.parent if folder.name == "passports" else folder
+
+
+def require_crival() -> None:
+    """**Raises:** `MissingExtraError` without the interval arithmetic of the [verify] extra."""
+    if find_spec("ival") is None:
+        raise MissingExtraError("a certificate", "verify")
+
+
 def _falls(subject: Subject, gait: np.ndarray, folder: Path | None) -> tuple[FallSearch, ...]:
     """The searches for falls; counterexamples are written beside the folder of the passports."""
     parameters = subject.plant.parameters
@@ -183,8 +250,8 @@ def _falls(subject: Subject, gait: np.ndarray, folder: Path | None) -> tuple[Fal
         budget=FALL_BUDGET,
     )
     if folder is not None:
-        run = folder.parent if folder.name == "passports" else folder
-        write_counterexamples(run, subject.walker.name, found, parameters, subject.behaviour)
+        name, behaviour = subject.walker.name, subject.behaviour
+        write_counterexamples(_run_of(folder), name, found, parameters, behaviour)
     return tuple(
         FallSearch(
             within=one.perturbation.sentence,
@@ -210,8 +277,8 @@ def _pushes_of(subject: Subject) -> Pushes | None:
     return pushes(subject.loop, clock, walk.section[-1])
 
 
-def kept_passport(folder: Path, subject: Subject, level: Level) -> Passport | None:
-    """The walker's passport if it is in the folder, of the same policy and no lower level, and readable."""
+def kept_passport(folder: Path, subject: Subject, level: Level, certify: bool = False) -> Passport | None:
+    """The walker's passport if it is in the folder, readable, and of the same policy, and tells no less."""
     path = passport_path(folder, subject.walker.name)
     if not path.exists():
         return None
@@ -220,4 +287,5 @@ def kept_passport(folder: Path, subject: Subject, level: Level) -> Passport | No
     except RunFolderError:
         return None  # it is made anew
     enough = LEVELS.index(passport.level) >= LEVELS.index(level)
+    enough &= not certify or passport.certificate is not None or not passport.certifiable
     return passport if enough and passport.walker == subject.walker else None
