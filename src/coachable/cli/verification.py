@@ -168,7 +168,7 @@ def _verified(
 def _recheck(path: Path) -> None:
     from rich.console import Console
 
-    from coachable.verification.verify import require_crival
+    from coachable.verification.evidence import require_crival
 
     require_crival()
     from coachable.verification.certificate.file import recheck
