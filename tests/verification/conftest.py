@@ -87,7 +87,7 @@ def begun_run(path, num_seeds):
     """A run folder in which the first two seeds have policies."""
     path.mkdir()
     study = Study(name="small", num_seeds=num_seeds, setups=(RewardSetup(name="orthant", orthant=0.01),))
-    folder = RunFolder.begin(path, study, load_behaviour("compass-walking"), {}, (num_seeds,))
+    folder = RunFolder.begin(path, study, load_behaviour("compass-walking"), (num_seeds,), baseline={})
     for seed, policy in enumerate((WALKS, FALLS)):
         folder.write(f"policies/orthant-{seed}-last.safetensors", save(policy.tensors()))
         folder.write(f"policies/orthant-{seed}-last.json", json.dumps(policy.description()))

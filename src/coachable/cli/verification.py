@@ -104,6 +104,11 @@ def verify(
         folder = out or Path(run) / "passports"
     passports = _verified(subjects, level, folder, beside, certify=certify, resume=all)
     _show(passports, summary=all, as_json=json)
+    if all and folder is not None:
+        from coachable.studies.files import write_atomic
+        from coachable.verification.passport_text import markdown_summary
+
+        write_atomic(folder / "summary.md", markdown_summary(passports))
     if folder is not None:
         print(f"wrote {folder}", file=sys.stderr)
 
@@ -194,6 +199,8 @@ def _show(passports: list[Passport], *, summary: bool, as_json: bool) -> None:
         print(json.dumps(data if summary else data[0], indent=2, ensure_ascii=False))
         return
     console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=100)
     if summary:
         print_summary(passports, console)
     else:

@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from coachable.errors import MissingExtraError
-from coachable.verification.certificate.file import write_certificate
-from coachable.verification.certificate.proposal import propose
 from coachable.verification.counterexample_file import write_counterexamples
 from coachable.verification.falsify import search_for_falls
 from coachable.verification.passport import Certified, FallSearch, Passport
@@ -57,6 +55,10 @@ def certificate(
 
     `tell` is told, time and again, what share of the time was used since.
     """
+    # Interval arithmetic is an extra, and passports do without it.
+    from coachable.verification.certificate.file import write_certificate
+    from coachable.verification.certificate.proposal import propose
+
     walker, told = passport.walker, 0.0
 
     def progress(gone: float) -> None:

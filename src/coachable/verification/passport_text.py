@@ -31,8 +31,9 @@ _TOLD = (
     "up: after 100 s. k=1, k>1, wander: the gait with the touchdown clock repeats every step, every 2 or 4, "
     "or never. stable: all multipliers within the unit circle. |λ|: the largest, median of those that "
     "repeat. cycles: completed in 100 s, median of those up. x₀, section: percentage of starts from these "
-    "boxes that reach the gait, mean of all walkers."
+    "boxes that reach the gait, mean of all walkers. proven: with a certificate."
 )
+_TITLE = "Gait passports by setup"
 
 
 def print_passport(passport: Passport, console: Console) -> None:
@@ -65,14 +66,35 @@ def print_passport(passport: Passport, console: Console) -> None:
 
 def print_summary(passports: Sequence[Passport], console: Console) -> None:
     """Print a table with one row for each setup."""
-    table = Table(title="gait passports by setup", title_justify="left", title_style="bold", box=None)
+    header, *rows = _summary(passports)
+    table = Table(title=_TITLE, title_justify="left", title_style="bold", box=None)
     table.padding, table.pad_edge = (0, 1, 0, 0), False
-    for index, name in enumerate(_COLUMNS):
+    for index, name in enumerate(header):
         table.add_column(name, justify="right" if index else "left", no_wrap=True)
-    for setup in dict.fromkeys(passport.walker.setup for passport in passports):
-        table.add_row(*_summary_row(setup, [one for one in passports if one.walker.setup == setup]))
+    for row in rows:
+        table.add_row(*row)
     console.print(table)
     console.print(_TOLD, style="dim")
+
+
+def markdown_summary(passports: Sequence[Passport]) -> str:
+    """The same table as Markdown."""
+    header, *rows = _summary(passports)
+    ruled = [header, ["---"] + ["---:"] * (len(header) - 1), *rows]
+    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in ruled]
+    return f"# {_TITLE}\n\n" + "\n".join(lines) + f"\n\n{_TOLD}\n"
+
+
+def _summary(passports: Sequence[Passport]) -> list[list[str]]:
+    """The header and a row a setup; who was certified only if that was tried."""
+    tried = any(passport.certificate is not None for passport in passports)
+    setups = dict.fromkeys(passport.walker.setup for passport in passports)
+    rows = []
+    for setup in setups:
+        own = [passport for passport in passports if passport.walker.setup == setup]
+        proven = sum(one.certificate is not None and one.certificate.proven for one in own)
+        rows.append([*_summary_row(setup, own), *([str(proven)] if tried else [])])
+    return [[*_COLUMNS, *(["proven"] if tried else [])], *rows]
 
 
 def _summary_row(setup: str | None, passports: Sequence[Passport]) -> list[str]:
