@@ -105,10 +105,9 @@ def verify(
     passports = _verified(subjects, level, folder, beside, certify=certify, resume=all)
     _show(passports, summary=all, as_json=json)
     if all and folder is not None:
-        from coachable.studies.files import write_atomic
-        from coachable.verification.passport_text import markdown_summary
+        from coachable.verification.passport_text import write_summary
 
-        write_atomic(folder / "summary.md", markdown_summary(passports))
+        write_summary(passports, folder)
     if folder is not None:
         print(f"wrote {folder}", file=sys.stderr)
 

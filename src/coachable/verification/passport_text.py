@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console, Group
@@ -11,6 +13,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from coachable.studies.files import write_atomic
 from coachable.verification.basin import AROUND_START, NEAR, ON_SECTION, SECONDS, Basin, Proportion
 from coachable.verification.pushes import SECONDS as PUSH_SECONDS
 
@@ -77,12 +80,14 @@ def print_summary(passports: Sequence[Passport], console: Console) -> None:
     console.print(_TOLD, style="dim")
 
 
-def markdown_summary(passports: Sequence[Passport]) -> str:
-    """The same table as Markdown."""
+def write_summary(passports: Sequence[Passport], folder: Path) -> None:
+    """Write the same table beside the passports: as `summary.md`, and as `summary.json` for the report."""
     header, *rows = _summary(passports)
     ruled = [header, ["---"] + ["---:"] * (len(header) - 1), *rows]
     lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in ruled]
-    return f"# {_TITLE}\n\n" + "\n".join(lines) + f"\n\n{_TOLD}\n"
+    write_atomic(folder / "summary.md", f"# {_TITLE}\n\n" + "\n".join(lines) + f"\n\n{_TOLD}\n")
+    data = {"title": _TITLE, "header": header, "rows": rows, "note": _TOLD}
+    write_atomic(folder / "summary.json", json.dumps(data, indent=2, ensure_ascii=False) + "\n")
 
 
 def _summary(passports: Sequence[Passport]) -> list[list[str]]:

@@ -142,20 +142,22 @@ def test_it_says_where_it_comes_from(page, four):
     assert "passport" not in page
 
 
-def test_passports_are_shown_as_they_are(four, tmp_path):
+def test_the_table_of_passports_is_shown_with_the_others(four, tmp_path):
     run = shutil.copytree(four, tmp_path / "run")
     (run / "passports").mkdir()
-    (run / "passports" / "orthant-0.json").write_text(
-        '{"orbit": {"period": 0.75, "stable": true}, "by": "<b>"}'
-    )
-    (run / "passports" / "orthant-1.json").write_text("{")
+    table = {
+        "title": "Gait passports",
+        "header": ["setup", "up"],
+        "rows": [["<b>", "14"]],
+        "note": "up: 100 s",
+    }
+    (run / "passports" / "summary.json").write_text(json.dumps(table))
     page = page_of(run)
-    assert "Gait passports (1)" in page
-    assert (
-        "<dt>orbit.period</dt><dd>0.75</dd><dt>orbit.stable</dt><dd>true</dd><dt>by</dt><dd>&lt;b&gt;</dd>"
-        in page
-    )
-    assert "orthant-1.json is damaged" in page
+    assert "Gait passports" in page
+    assert "&lt;b&gt;" in page
+    assert "up: 100 s" in page
+    (run / "passports" / "summary.json").write_text("{")
+    assert "summary.json is damaged" in page_of(run)
 
 
 def test_a_damaged_folder_is_named_and_the_others_are_reported(four, tmp_path):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,8 +21,6 @@ class Provenance:
     reward_hashes: tuple[tuple[str, str], ...]
     file_hashes: tuple[tuple[str, str], ...]
     num_policy_files: int
-    passports: tuple[tuple[str, tuple[tuple[str, str], ...]], ...]
-    """Of each lane that has one, its entries by dotted name."""
 
 
 def provenance(study: StudyReport) -> Provenance:
@@ -53,18 +50,7 @@ def provenance(study: StudyReport) -> Provenance:
         reward_hashes=tuple(manifest["reward_hashes"].items()),
         file_hashes=tuple(hashes.items()),
         num_policy_files=len(manifest["files"]) - len(hashes),
-        passports=tuple((lane, tuple(_flat(data).items())) for lane, data in study.passports),
     )
-
-
-def _flat(data: Any, prefix: str = "") -> dict[str, str]:
-    """Nested JSON as one line a value."""
-    if not isinstance(data, Mapping):
-        return {prefix or "value": _plain(data)}
-    flat: dict[str, str] = {}
-    for key, value in data.items():
-        flat |= _flat(value, f"{prefix}.{key}" if prefix else str(key))
-    return flat
 
 
 def _plain(value: Any) -> str:

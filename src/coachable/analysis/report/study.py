@@ -42,7 +42,6 @@ class StudyReport:
     claims: tuple[Claim, ...]
     sections: tuple[Section, ...]
     walks: Walks
-    passports: tuple[tuple[str, Any], ...]
     problems: tuple[str, ...]
     """What could not be read, and why."""
 
@@ -152,8 +151,11 @@ def read_study(path: Path, tell: Tell) -> StudyReport:
             walks = stored_walks(run)
         except RunFolderError as error:
             problems.append(str(error))
-    passports, complaints = _passports(path)
-    return StudyReport(run.plan.name, run, runs, claims, sections, walks, passports, (*problems, *complaints))
+    try:
+        sections = (*sections, *_passports(path))
+    except RunFolderError as error:
+        problems.append(str(error))
+    return StudyReport(run.plan.name, run, runs, claims, sections, walks, tuple(problems))
 
 
 def labels(studies: Sequence[StudyReport]) -> tuple[str, ...]:
@@ -171,14 +173,17 @@ def labels(studies: Sequence[StudyReport]) -> tuple[str, ...]:
     return tuple(f"{plan.name} ({place})" for place, plan in enumerate(plans, start=1))
 
 
-def _passports(path: Path) -> tuple[tuple[tuple[str, Any], ...], tuple[str, ...]]:
-    found, problems = [], []
-    for file in sorted((path / "passports").glob("*.json")):
-        try:
-            found.append((file.stem, json.loads(file.read_text(encoding="utf-8"))))
-        except (OSError, ValueError) as error:
-            problems.append(f"{file} is damaged: {error}")
-    return tuple(found), tuple(problems)
+def _passports(path: Path) -> tuple[Section, ...]:
+    """The table of gait passports, if `coachable verify` has written one."""
+    file = path / "passports" / "summary.json"
+    if not file.exists():
+        return ()
+    try:
+        table = json.loads(file.read_text(encoding="utf-8"))
+        rows = tuple(tuple(map(str, row)) for row in table["rows"])
+        return (Section(str(table["title"]), tuple(map(str, table["header"])), rows, (str(table["note"]),)),)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RunFolderError(f"{file} is damaged: {error!r}; verify the run again") from None
 
 
 def _box(predicate: Predicate) -> dict[str, list[float | None]]:
