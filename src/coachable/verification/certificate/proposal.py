@@ -138,9 +138,8 @@ def propose(
         while any(a.verdict.proven for a in attempts) and len(attempts) < MOST_ATTEMPTS:
             verdict = attempt(radius, subdivisions)
             best = max(a.radius for a in attempts if a.verdict.proven)
-            bad = min(
-                (a.radius for a in attempts if not a.verdict.proven and a.radius > best), default=LARGEST
-            )
+            failed = [a for a in attempts if not a.verdict.proven and a.subdivisions == subdivisions]
+            bad = min((a.radius for a in failed), default=LARGEST)
             wanted = _next(radius, contraction, verdict)
             radius = rounded(wanted if wanted < bad else min(LARGEST, math.sqrt(best * bad)))
             if (verdict.proven and max(verdict.reach) >= ENOUGH) or radius < 1.05 * best:
@@ -148,8 +147,8 @@ def propose(
     except _TimeIsUp:
         pass
     proven = max((a for a in attempts if a.verdict.proven), key=lambda a: a.radius, default=None)
-    failed = [a.verdict.reason for a in attempts if not a.verdict.proven]
-    obstacle = failed[-1] if failed else proven.verdict.reason if proven else "no time was left"
+    reasons = [a.verdict.reason for a in attempts if not a.verdict.proven]
+    obstacle = reasons[-1] if reasons else proven.verdict.reason if proven else "no time was left"
     certificate = boxed(proven.radius, proven.subdivisions) if proven else None
     return Proposal(certificate, tuple(attempts), *facts, obstacle)
 
