@@ -168,7 +168,8 @@ def load_training(path: Path | None, **options: Any) -> Training:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise PlanError(f"{path} cannot be read: {error}") from None
+        why = error.strerror if isinstance(error, OSError) else error
+        raise PlanError(f"{path} cannot be read: {why}") from None
     return parse_training(text, str(path), path.parent, **options)
 
 
