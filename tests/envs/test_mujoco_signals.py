@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from coachable.behaviours.library import load_behaviour
 from coachable.envs.signals import SIGNAL_PACKS, signal_pack
 
 mujoco = pytest.importorskip("mujoco", reason="needs the [mujoco] extra: pip install 'coachable[mujoco]'")
@@ -101,7 +102,10 @@ def test_a_joint_is_read_with_its_sign_and_alone(robots, name, signal, joint, si
     changed = {key for key in rest if abs(bent[key] - rest[key]) > 1e-9}
     side = signal.split("_")[0] if "_" in signal else ""
     assert signal in changed
-    assert changed <= {signal} | {key for key in rest if key.startswith(side) and "foot" in key}
+    below = ("foot", "shank", "sole")
+    assert changed <= {signal} | {
+        key for key in rest if key.startswith(side) and any(w in key for w in below)
+    }
     moving = robot.put(velocities={joint: sign * 0.7})
     assert {key: value for key, value in moving.items() if value != rest[key]} == {
         f"{signal}_velocity": pytest.approx(0.7)
@@ -313,6 +317,8 @@ def test_every_signal_is_poked_above(name):
     feet = {prefix for robot, prefix, *_ in FEET if robot == name}
     poked = hinges | {f"{signal}_velocity" for signal in hinges}
     poked |= {f"{prefix}foot_{what}" for prefix in feet for what in ("x", "height", "contact")}
+    if name in ("Walker2d-v5", "Hopper-v5"):
+        poked |= {f"{prefix}{what}" for prefix in feet for what in ("shank", "sole", "load")}
     poked |= {"torso_x", "torso_height", "forward_speed", "vertical_speed", "pitch", "pitch_velocity"}
     if name == "Humanoid-v5":
         poked |= {"torso_y", "leftward_speed", "roll", "roll_velocity", "yaw", "yaw_velocity"}
@@ -333,3 +339,42 @@ def test_the_humanoids_feet_are_told_as_the_torso_heads(robots, side, outwards):
     turned = robot.put(quaternion=about, **pose)
     for key in (f"{side}_foot_x", f"{side}_foot_y", f"{side}_foot_height"):
         assert turned[key] == pytest.approx(straight[key])
+
+
+@pytest.mark.parametrize(
+    ("name", "prefix", "suffix"),
+    [("Walker2d-v5", "left_", "_left"), ("Walker2d-v5", "right_", ""), ("Hopper-v5", "", "")],
+)
+def test_shank_and_sole_lean_as_their_ends_say(robots, name, prefix, suffix):
+    robot = robots[name]
+    pose = {f"thigh{suffix}_joint": -0.5, f"leg{suffix}_joint": -0.7, f"foot{suffix}_joint": 0.3}
+    for rooty in (-0.4, 0.6):
+        seen = robot.put(rooty=rooty, **pose)
+        knee, ankle = (robot.data.joint(f"{part}{suffix}_joint").xanchor for part in ("leg", "foot"))
+        shank = math.atan2(knee[X] - ankle[X], knee[Z] - ankle[Z])
+        assert seen[f"{prefix}shank"] == pytest.approx(shank, abs=1e-9)
+        middle, half = robot.place(f"foot{suffix}_geom"), 0.1
+        axis = robot.data.geom(f"foot{suffix}_geom").xmat.reshape(3, 3)[:, Z]
+        heel, toe = sorted((middle - half * axis, middle + half * axis), key=lambda end: end[X])
+        sole = math.atan2(heel[Z] - toe[Z], toe[X] - heel[X])
+        assert seen[f"{prefix}sole"] == pytest.approx(sole, abs=1e-9)
+
+
+def test_the_loads_of_the_feet_are_the_forces_that_the_simulator_puts_on_them(robots):
+    """MuJoCo's own sums over contacts, body by body, are worked out apart from single contacts."""
+    robot = robots["Walker2d-v5"]
+    height = robot.put()["left_foot_height"]
+    seen = robot.put(up=UP - height - 0.003, leg_left_joint=-0.02)
+    mujoco.mj_rnePostConstraint(robot.model, robot.data)
+    for prefix, body in (("left_", "foot_left"), ("right_", "foot")):
+        upwards = robot.data.body(body).cfrc_ext[5]
+        assert seen[f"{prefix}load"] == pytest.approx(upwards, rel=1e-6)
+    assert max(seen["left_load"], seen["right_load"]) > 10
+    assert robot.put()["left_load"] == 0
+
+
+def test_a_described_human_gait_can_be_read_of_the_walker(robots):
+    behaviour = load_behaviour("perry-gait")
+    read = signal_pack(robots["Walker2d-v5"].env).reader(robots["Walker2d-v5"].env, behaviour.signal_names)
+    robots["Walker2d-v5"].put()
+    assert behaviour.phase_at(read(None, {})) is None, "in the air it is in none of the phases"

@@ -15,9 +15,9 @@ def test_a_pack_says_what_its_signals_are(name):
     assert len(set(names)) == len(names)
     for signal in signals:
         assert signal.description
-        assert signal.unit in ({"", "m", "rad"} if signal.derivative_of is None else {"m/s", "rad/s"}) or (
-            (name, signal.name) == ("BipedalWalker-v3", "vertical_speed")
-        )
+        assert signal.unit in (
+            {"", "m", "rad", "N"} if signal.derivative_of is None else {"m/s", "rad/s"}
+        ) or ((name, signal.name) == ("BipedalWalker-v3", "vertical_speed"))
         if signal.derivative_of is not None:
             integral = signals[names.index(signal.derivative_of)]
             assert signal.unit == f"{integral.unit}/s"

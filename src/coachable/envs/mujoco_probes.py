@@ -32,7 +32,7 @@ class MujocoSimulation:
         self.mujoco: Any = mujoco
         self._place, self._contact_force = self.mujoco.mj_kinematics, self.mujoco.mj_contactForce
         self._now: Any = None
-        self._pressing: set[int] | None = None
+        self._pressing: dict[int, float] | None = None
         self._qpos, self._force = self.data.qpos, np.zeros(6)
 
     @property
@@ -43,10 +43,10 @@ class MujocoSimulation:
         return self._now
 
     @property
-    def pressing(self) -> set[int]:
-        """The geoms that press on the floor at this moment, for a probe to keep."""
+    def pressing(self) -> dict[int, float]:
+        """The geoms that press on the floor at this moment, and how hard [N], for a probe to keep."""
         if self._pressing is None:
-            self._pressing = set()
+            self._pressing = {}
         return self._pressing
 
     def look(self) -> None:
@@ -55,15 +55,16 @@ class MujocoSimulation:
             self._now.qpos[:] = self._qpos
             self._place(self.model, self._now)
         if self._pressing is not None:
-            self._pressing.clear()
-            data = self.data
+            pressing, data = self._pressing, self.data
+            pressing.clear()
             if data.ncon:
                 for index, pair in enumerate(data.contact.geom.tolist()):
                     if self.floor in pair:
                         self._contact_force(self.model, data, index, self._force)
                         normal_force = self._force.item(0)
                         if normal_force > 0:
-                            self._pressing.update(pair)
+                            for geom in pair:
+                                pressing[geom] = pressing.get(geom, 0.0) + normal_force
 
 
 def joint(name: str, sign: int = 1) -> ReadingOf:
@@ -110,6 +111,26 @@ def foot_contact(foot: str) -> ReadingOf:
     def of(simulation: MujocoSimulation) -> Reading:
         geom, pressing = int(simulation.model.geom(foot).id), simulation.pressing
         return lambda: 1.0 if geom in pressing else 0.0
+
+    return of
+
+
+def foot_load(foot: str) -> ReadingOf:
+    """How hard a geom presses on the floor, which is level."""
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        return partial(simulation.pressing.get, int(simulation.model.geom(foot).id), 0.0)
+
+    return of
+
+
+def lean(*hinges: str) -> ReadingOf:
+    """Of a segment in a plane: the torso's pitch, less what the hinges between them bend forward."""
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        model, qpos = simulation.model, simulation.data.qpos
+        first, *others = (int(model.joint(name).qposadr[0]) for name in ("rooty", *hinges))
+        return lambda: qpos.item(first) - sum(map(qpos.item, others))
 
     return of
 

@@ -13,9 +13,11 @@ from coachable.envs.mujoco_probes import (
     foot_contact,
     foot_from_hip,
     foot_height,
+    foot_load,
     joint,
     joint_angle,
     joint_velocity,
+    lean,
     pitch,
     roll,
     torso,
@@ -64,6 +66,24 @@ def _leg(prefix: str, suffix: str) -> tuple[Probe, ...]:
             prefix,
             f"foot{suffix}_geom",
             foot_from_hip(f"foot{suffix}_geom", f"thigh{suffix}_joint", X),
+        ),
+        probe(
+            f"{prefix}load",
+            "N",
+            "force of the ground on the foot, upwards",
+            foot_load(f"foot{suffix}_geom"),
+        ),
+        probe(
+            f"{prefix}shank",
+            "rad",
+            "lean from upright; positive while the knee is ahead of the ankle",
+            lean(f"thigh{suffix}_joint", f"leg{suffix}_joint"),
+        ),
+        probe(
+            f"{prefix}sole",
+            "rad",
+            "pitch of the sole; positive while the heel is higher than the toe",
+            lean(f"thigh{suffix}_joint", f"leg{suffix}_joint", f"foot{suffix}_joint"),
         ),
     )
 
