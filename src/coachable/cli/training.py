@@ -66,7 +66,7 @@ def train(
     For example:
 
         coachable train --env Hopper-v5 --behaviour hops.behaviour --settings ppo-hopper --seeds 2
-        coachable train --env Walker2d-v5 --behaviour walk.behaviour --trainer sb3-sac --steps 300000
+        coachable train --env Walker2d-v5 --behaviour perry-gait --trainer sb3-sac --steps 300000
         coachable train walker2d.toml --out runs/walker2d
         coachable train --env coachable/CompassWalker-v0 --behaviour compass-walking --seeds 5
     """
