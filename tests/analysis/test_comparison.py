@@ -64,6 +64,17 @@ def test_a_better_study_is_told_to_be_better_by_as_much():
     assert share_of_overlap(better, worse) == 0
 
 
+def test_without_intervals_means_are_compared():
+    runs = study(0)
+    curve = learning_curve(runs, runs["orthant"])
+    nothing = np.full_like(curve.low, np.nan)
+    bare = replace(curve, low=nothing, high=nothing)
+    assert share_of_overlap(bare, bare) == 1
+    assert share_of_overlap(bare, curve) == 1
+    assert share_of_overlap(replace(bare, value=bare.value + 9), curve) == 0
+    assert np.isnan(share_of_overlap(curve, replace(curve, steps=curve.steps + 1)))
+
+
 def test_equal_distributions_rarely_look_different():
     ps = [compared(study(2 * i), study(2 * i + 1), "orthant")[1].p for i in range(12)]
     assert 0.25 < np.mean(ps) < 0.75

@@ -127,11 +127,33 @@ def test_we_know_how_often_their_weights_change(trainer):
         ("sb3-ppo", {"learnin_rate": 1e-3}, "learning_rate"),
         ("sb3-ppo", {"noise_std": 0.1}, "no setting 'noise_std'"),
         ("sb3-sac", {"policy_kwargs": {"activation_fn": "tan"}}, "tanh"),
+        ("sb3-sac", {"policy_kwargs": {"activation_fn": ["relu"]}}, "relu"),
+        ("sb3-ppo", {"policy_kwargs": 3}, "must be a table"),
+        ("sb3-ppo", {"n_epochs": 10.0}, "n_epochs must be like 10"),
+        ("sb3-ppo", {"gamma": "x"}, "gamma must be like"),
+        ("sb3-ppo", {"normalize": {"norm_reward": False}}, "normalize must be like False"),
+        ("sb3-td3", {"noise_std": "a"}, "noise_std must be like"),
+        ("sb3-td3", {"action_noise": "normal"}, "no setting .action_noise."),
+        ("sb3-sac", {"use_sde": True}, "no policy's file can say"),
+        ("sb3-ppo", {"policy_kwargs": {"squash_output": True}}, "no policy's file can say"),
     ],
 )
-def test_a_setting_it_does_not_have_is_refused(trainer, settings, message):
+def test_a_setting_it_does_not_have_or_cannot_keep_is_refused(trainer, settings, message):
     with pytest.raises(PlanError, match=message):
         check_settings(trainer, settings)
+
+
+def test_evaluations_know_how_often_weights_change():
+    lane = learner("sb3-sac", train_freq=8)
+    pauses = []
+    lane.learn(32, lambda: pauses.append(lane.num_steps))
+    assert lane.steps_an_update == 8
+    assert pauses == [0, 8, 16, 24, 32]
+
+
+def test_a_policy_without_hidden_layers_is_a_line():
+    lane = learner("sb3-ppo", policy_kwargs={"net_arch": []})
+    assert len(lane.policy().weights) == 1
 
 
 def test_a_setting_that_makes_no_sense_is_refused():

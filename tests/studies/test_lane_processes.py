@@ -40,6 +40,8 @@ class Count:
                     raise ZeroDivisionError("a bug")
                 if self.ends == "killed":
                     os.kill(os.getpid(), signal.SIGKILL)
+                if self.ends == "told to stop":
+                    os.kill(os.getpid(), signal.SIGTERM)
         self.path.write_text("10")
         tell(News(10, {}, True))
 
@@ -62,6 +64,7 @@ def test_every_lane_is_run_and_its_end_is_heard(tmp_path):
         ("mistake", PlanError, "no such thing"),
         ("bug", RuntimeError, "ZeroDivisionError: a bug"),
         ("killed", RunFolderError, "ended from outside"),
+        ("told to stop", RunFolderError, "ended from outside"),
     ],
 )
 def test_what_goes_wrong_in_a_lane_is_raised_and_stops_the_others(tmp_path, ends, error, message):

@@ -177,6 +177,7 @@ def test_the_environments_reward_can_be_put_together_anew(plan):
         ("height = 0\n", "", CoachableError, "height"),
         ("speed = 2", "speed = 9", PlanError, "a signal is not where the plan says"),
         ("n_steps = 64", "n_stepz = 64", PlanError, "no setting 'n_stepz'"),
+        ("n_steps = 64", "n_steps = 1", PlanError, "does not take these settings"),
         ("swing.behaviour", "swim.behaviour", BehaviourError, "swim"),
     ],
 )
@@ -187,6 +188,11 @@ def test_what_cannot_be_trained_is_refused_before_a_folder_is_made(plan, tmp_pat
     with pytest.raises(error, match=message):
         run_training(training, tmp_path / "run", progress=False)
     assert not (tmp_path / "run").exists()
+
+
+def test_nobody_works_for_less_than_one(plan, tmp_path):
+    with pytest.raises(PlanError, match="workers must be at least 1"):
+        run_training(load_training(plan), tmp_path / "run", workers=0)
 
 
 def call(capsys, *arguments):
@@ -246,3 +252,7 @@ def test_train_needs_an_environment_and_knows_its_own(tmp_path, capsys):
     _, err, status = call(capsys, "train", "--env", "Walker2d-v5", "--behaviour", "hop", "--trainer", "ppo")
     assert status == 2
     assert "take sb3-ppo" in err
+    walker = ("--env", "coachable/CompassWalker-v0", "--behaviour", "compass-walking")
+    _, err, status = call(capsys, "train", *walker, "--weight", "0.5")
+    assert status == 2
+    assert "takes no PLAN, --weight" in err

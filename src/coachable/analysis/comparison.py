@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -62,10 +63,20 @@ def compared(first: Measurements, second: Measurements, setup: str) -> list[Comp
 
 
 def share_of_overlap(first: Band, second: Band) -> float:
-    """At which share of the training steps that both have the two 95 % intervals overlap."""
+    """At which share of the training steps that both have the two 95 % intervals overlap.
+
+    Where a mean has no interval, as that of a single run, it stands for one. NaN without a common step.
+    """
     _, ours, theirs = np.intersect1d(first.steps, second.steps, return_indices=True)
-    overlap = (first.low[ours] <= second.high[theirs]) & (second.low[theirs] <= first.high[ours])
-    return float(overlap.mean())
+    if not len(ours):
+        return math.nan
+    (low, high), (least, most) = _ends(first, ours), _ends(second, theirs)
+    return float(np.mean((low <= most) & (least <= high)))
+
+
+def _ends(band: Band, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    low, high = (np.where(np.isnan(end), band.value, end)[at] for end in (band.low, band.high))
+    return low, high
 
 
 def common_setups(first: Measurements, second: Measurements) -> list[str]:

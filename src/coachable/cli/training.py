@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
@@ -71,7 +71,12 @@ def train(
         coachable train --env coachable/CompassWalker-v0 --behaviour compass-walking --seeds 5
     """
     if env is not None and env.removeprefix("coachable.envs:") == COMPASS_WALKER:
-        _train_compass_walker(behaviour, trainer, settings, setup, steps, evaluate_every, seeds, out)
+        if plan is not None or weight is not None or workers is not None or track != "none":
+            raise PlanError(
+                "the compass walker takes no PLAN, --weight, --track or --workers; see `coachable study`"
+            )
+        said = {"trainer": trainer, "steps": steps, "evaluate_every": evaluate_every, "seeds": seeds}
+        _train_compass_walker(behaviour, settings, setup, out, said, allow_different_layout)
         return
     from coachable.analysis.training_table import tell_training
     from coachable.studies.training import load_training, trainer_settings
@@ -102,13 +107,11 @@ def train(
 
 def _train_compass_walker(
     behaviour: str | None,
-    trainer: Literal["ppo", "sb3-ppo", "sb3-sac", "sb3-td3"] | None,
     settings: str | None,
     setup: str | None,
-    steps: int | None,
-    evaluate_every: int | None,
-    seeds: int | None,
     out: Path | None,
+    said: dict[str, Any],
+    allow_different_layout: bool,
 ) -> None:
     """A study of one setup: the compass walker has a task, an evaluation and baselines of its own."""
     from coachable.cli.studies import table
@@ -118,17 +121,14 @@ def _train_compass_walker(
     from coachable.studies.study import Study
     from coachable.studies.training import trainer_settings
 
-    whose = "ppo" if trainer in (None, "ppo") else "sb3"
-    said = {} if settings is None else {whose: trainer_settings(settings)}
+    if settings is not None:
+        whose = "ppo" if said["trainer"] in (None, "ppo") else "sb3"
+        said = {**said, whose: trainer_settings(settings)}
     study = with_options(
         Study(name="CompassWalker-v0", num_seeds=1, setups=(paper_setup(setup or "orthant"),)),
         behaviour=behaviour,
-        trainer=trainer,
-        steps=steps,
-        evaluate_every=evaluate_every,
-        seeds=seeds,
         **said,
     )
     folder = out or Path("runs") / study.name
-    run_study(study, folder)
+    run_study(study, folder, allow_different_layout=allow_different_layout)
     table(folder)

@@ -22,23 +22,53 @@ from coachable.learning.policy import Policy
 
 ALGORITHMS = {"sb3-ppo": PPO, "sb3-sac": SAC, "sb3-td3": TD3}
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
-OUR_SETTINGS = ("normalize", "noise_std")
-"""Settings that are no argument of an algorithm; they are called as in rl-baselines3-zoo."""
-_NOT_SETTINGS = {"self", "policy", "env", "seed", "device", "verbose", "tensorboard_log", "_init_setup_model"}
+_NOT_SETTINGS = {
+    "self",
+    "policy",
+    "env",
+    "seed",
+    "device",
+    "verbose",
+    "tensorboard_log",
+    "action_noise",
+    "_init_setup_model",
+}
 _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
 def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
-    """**Raises:** `PlanError` for a setting that the trainer does not have, with the nearest one it has."""
-    known = {*inspect.signature(ALGORITHMS[trainer].__init__).parameters} - _NOT_SETTINGS
-    known |= {*OUR_SETTINGS} - ({"noise_std"} if trainer == "sb3-ppo" else set())
+    """What can be told of settings without an environment.
+
+    **Raises:** `PlanError` for a setting that the trainer does not have, with the nearest one it has; for a
+    value of another type than its default's; and for what no policy's file can say.
+    """
+    parameters = inspect.signature(ALGORITHMS[trainer].__init__).parameters
+    defaults: dict[str, Any] = {
+        name: each.default for name, each in parameters.items() if name not in _NOT_SETTINGS
+    }
+    defaults |= {"normalize": False} | ({} if trainer == "sb3-ppo" else {"noise_std": 0.0})
     for name, value in settings.items():
-        if name not in known:
-            raise PlanError(f"{trainer} has no setting {name!r}; {suggestion(name, known)}")
-        if name == "policy_kwargs" and (activation := value.get("activation_fn", "tanh")) not in ACTIVATIONS:
-            raise PlanError(
-                f"policy_kwargs.activation_fn = {activation!r}; {suggestion(str(activation), ACTIVATIONS)}"
-            )
+        if name not in defaults:
+            raise PlanError(f"{trainer} has no setting {name!r}; {suggestion(name, defaults)}")
+        kind = type(defaults[name])
+        fits = {
+            bool: type(value) is bool,
+            int: type(value) is int,
+            float: type(value) in (int, float),
+        }
+        if not fits.get(kind, True):
+            raise PlanError(f"{trainer}: {name} must be like {defaults[name]!r}, got {value!r}")
+    arguments = settings.get("policy_kwargs", {})
+    if not isinstance(arguments, Mapping):
+        raise PlanError(f"{trainer}: policy_kwargs must be a table, got {arguments!r}")
+    activation = arguments.get("activation_fn", "tanh")
+    if not isinstance(activation, str) or activation not in ACTIVATIONS:
+        hint = suggestion(str(activation), ACTIVATIONS)
+        raise PlanError(f"policy_kwargs.activation_fn = {activation!r}; {hint}")
+    if settings.get("use_sde") or arguments.get("squash_output"):
+        raise PlanError(
+            f"{trainer}: use_sde and squash_output bound actions in ways no policy's file can say"
+        )
 
 
 class Learner:
@@ -88,7 +118,8 @@ class Learner:
         """How many steps pass between two moments at which the weights change."""
         if isinstance(self._model, OnPolicyAlgorithm):
             return self._model.n_steps
-        return 1
+        frequency: Any = self._model.train_freq
+        return frequency if isinstance(frequency, int) else frequency.frequency
 
     def learn(self, num_steps: int, between: Callable[[], None]) -> None:
         """Go on until there were this many steps, rounded up to whole updates.
@@ -121,7 +152,7 @@ class Learner:
             biases=tuple(jnp.asarray(_array(part.bias)) for part in linear),
             low=jnp.asarray(box.low, jnp.float32),  # pyright: ignore[reportAttributeAccessIssue]
             high=jnp.asarray(box.high, jnp.float32),  # pyright: ignore[reportAttributeAccessIssue]
-            activation=next(name for name, kind in ACTIVATIONS.items() if kind in kinds),
+            activation=next((name for name, kind in ACTIVATIONS.items() if kind in kinds), "tanh"),
             squashing=squashing,
             observation_names=names,
             clock=clock,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 import traceback
@@ -127,7 +128,7 @@ def _work(work: LaneWork, channel: Connection, parent: int) -> None:
     try:
         work.run(tell)
     except KeyboardInterrupt:
-        return
+        sys.exit(1)  # a parent that told it to stop no longer looks; to any other it has not finished
     except CoachableError as error:
         channel.send(error)
     except Exception:

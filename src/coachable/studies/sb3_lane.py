@@ -43,11 +43,18 @@ class EpisodeLog(gymnasium.Wrapper):
 
     Infos go no further: stable-baselines3 reads none of ours, but copies each of them deeply.
 
-    **Arguments:** `sums_of`: from an info to numbers by name, which are added up over an episode.
+    **Arguments:** `sums_of`: from an info to numbers by name, which are added up over an episode;
+    `fell_key`, where an info tells whether an episode that terminated was a fall, if not all are.
     """
 
-    def __init__(self, env: gymnasium.Env, sums_of: Callable[[Mapping[str, Any]], Mapping[str, float]]):
+    def __init__(
+        self,
+        env: gymnasium.Env,
+        sums_of: Callable[[Mapping[str, Any]], Mapping[str, float]],
+        fell_key: str | None = None,
+    ):
         super().__init__(env)
+        self._fell_key = fell_key
         self.log = Log()
         self.num_steps = 0
         self._sums_of = sums_of
@@ -68,7 +75,7 @@ class EpisodeLog(gymnasium.Wrapper):
         for name, number in self._sums_of(info).items():
             self._sums[name] = self._sums.get(name, 0.0) + number
         if terminated or truncated:
-            fell = info.get("fell", terminated)
+            fell = terminated if self._fell_key is None else info[self._fell_key]
             episode = {"end_step": self.num_steps, "return": self._return, "length": self._length}
             row = {**episode, "fell": bool(fell), **self._sums}
             self.log.add({name: np.array([value]) for name, value in row.items()})

@@ -61,7 +61,7 @@ class CompassLane:
         )
         tasks = Tasks.of(study, self.behaviour)
         evaluation = tasks.weighted(tasks.evaluation, self.lane)
-        episodes = EpisodeLog(env, lambda info: {})
+        episodes = EpisodeLog(env, lambda info: {}, fell_key="fell")
         learner = Learner(study.trainer, episodes, study.sb3, self.lane.seed)
         walk = eqx.filter_jit(lambda policy: summary(evaluation, rollout(evaluation, policy)))
         survive = eqx.filter_jit(

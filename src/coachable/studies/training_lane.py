@@ -65,7 +65,7 @@ def make_env(
     except gymnasium.error.DependencyNotInstalled as error:
         extra = "box2d" if "box2d" in str(error).lower() else "mujoco"
         raise MissingExtraError(training.env, extra) from None
-    except (gymnasium.error.Error, ImportError, TypeError, ValueError) as error:
+    except (gymnasium.error.Error, ImportError, OSError, TypeError, ValueError) as error:
         raise PlanError(f"{training.env!r} cannot be made: {error}") from None
     return BehaviourReward(
         OwnReward(env, setup.terms),
@@ -197,12 +197,13 @@ def require_trainable(training: Training, behaviour: Behaviour) -> None:
 
     **Raises:** what `make_env`, `Learner` and `BehaviourReward` raise.
     """
-    from coachable.learning.sb3 import require_boxes
+    from coachable.learning.sb3 import Learner, require_boxes
 
     for setup in training.setups:
         env = make_env(training, setup, behaviour)
         try:
             require_boxes(env)
+            Learner(training.trainer, env, training.sb3, training.first_seed).policy()
             env.reset(seed=0)
             env.step(env.action_space.sample())
         except CoachableError as error:

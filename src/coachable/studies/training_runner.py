@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from coachable.behaviours.library import load_behaviour
-from coachable.errors import MissingExtraError
+from coachable.errors import MissingExtraError, PlanError
 from coachable.learning.policy import Policy
 from coachable.studies.columns import TRAINING_SCHEMAS, table_of
 from coachable.studies.folder import RunFolder
@@ -19,7 +19,7 @@ from coachable.studies.lane_processes import News, run_lanes
 from coachable.studies.layout import num_cores
 from coachable.studies.progress import SetupStatus, Status, progress_display
 from coachable.studies.results import write_policy
-from coachable.studies.sb3_lane import load_lane, require_sb3
+from coachable.studies.sb3_lane import MOST_TIME_FOR_SAVING, load_lane, require_sb3
 from coachable.studies.store import TrainingRun
 from coachable.studies.training import Training
 from coachable.studies.training_lane import TrainingLane, require_trainable, with_share
@@ -50,6 +50,8 @@ def run_training(
     """
     from coachable.studies.lock import locked
 
+    if workers is not None and workers < 1:
+        raise PlanError(f"workers must be at least 1, got {workers}")
     require_sb3(training.trainer, training.sb3)
     if track and find_spec("tensorboardX") is None:
         raise MissingExtraError("--track tensorboard", "track")
@@ -89,10 +91,11 @@ def _train(
     def watch() -> None:
         nonlocal next_tables
         report(_status("training", training, news))
-        if time.monotonic() > next_tables:
+        if (began := time.monotonic()) > next_tables:
             _write_tables(folder, works)
             folder.write_manifest()
-            next_tables = time.monotonic() + SECONDS_BETWEEN_TABLES
+            took = time.monotonic() - began  # long where checkpoints hold replay buffers
+            next_tables = began + took + max(SECONDS_BETWEEN_TABLES, took / MOST_TIME_FOR_SAVING)
 
     try:
         run_lanes(works, workers, news.__setitem__, watch)
@@ -103,8 +106,8 @@ def _train(
                 write_policy(folder, work.lane, which, _named(policy))
         folder.complete(TRAINING_SCHEMAS)
     except BaseException:
-        _write_tables(folder, works)
         folder.write_manifest("interrupted")
+        _write_tables(folder, works)
         raise
 
 
