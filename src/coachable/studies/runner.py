@@ -38,7 +38,7 @@ def run_study(
     However often it is stopped, and however (even with kill -9), the folder ends with the same bits in its
     tables and policies as without a stop, on one machine and with the same versions. A complete run is only
     checked. Lanes of stable-baselines3, too, go on from their last checkpoint, but begin an episode there, so
-    that their bits differ.
+    that their bits differ; in `released-code` semantics shared evaluations are counted from there, too.
 
     **Arguments:** `out`, the run folder, made if need be; `progress`, whether to show how it goes on stderr;
     `allow_different_layout`, whether to go on under other versions or on another machine than the run was
