@@ -6,6 +6,7 @@ for a step that follows the behaviour (r_or in the variant `stay`), and −1 for
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Callable, Mapping
 from enum import Enum
 from pathlib import Path
@@ -23,7 +24,7 @@ _FOLDER = Path(__file__).parent / "behaviours"
 TWO_FEET, PERRY = (load_behaviour(_FOLDER / f"{name}.behaviour") for name in ("two-feet", "perry-walker2d"))
 
 
-class _Paid(gymnasium.Wrapper):
+class _Paid(gymnasium.Wrapper, abc.ABC):
     """Adds what a monitor of the signals pays; it begins anew with every episode."""
 
     def __init__(self, env: gymnasium.Env):
@@ -42,13 +43,13 @@ class _Paid(gymnasium.Wrapper):
         paid = self.pay(self._read(observation, info))
         return observation, float(reward) + paid, terminated, truncated, info
 
+    @abc.abstractmethod
     def begin(self, signals: dict[str, float]) -> None:
         """See the first sample of an episode."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def pay(self, signals: dict[str, float]) -> float:
         """See one more sample."""
-        raise NotImplementedError
 
 
 _UPRIGHT = "(pitch > -0.5) and (pitch < 0.5)"

@@ -1,5 +1,6 @@
 """Lanes in processes: all are run, news are heard, and whatever goes wrong stops everything in good order."""
 
+import multiprocessing
 import os
 import signal
 import time
@@ -22,6 +23,10 @@ class Count:
     @property
     def name(self):
         return self.path.name
+
+    def finished(self):
+        done = self.path.exists() and self.path.read_text() == "10"
+        return News(10, {}, True) if done else None
 
     def run(self, tell):
         start = int(self.path.read_text()) if self.path.exists() else 0
@@ -71,8 +76,7 @@ def test_what_goes_wrong_in_a_lane_is_raised_and_stops_the_others(tmp_path, ends
     works = [Count(tmp_path / "bad", ends), Count(tmp_path / "other", "waits")]
     with pytest.raises(error, match=message):
         run_lanes(works, 2, lambda index, news: None, nothing)
-    other = works[1].path
-    assert not other.exists() or int(other.read_text()) <= 10
+    assert multiprocessing.active_children() == []
 
 
 def test_ctrl_c_lets_every_lane_save_and_the_next_run_goes_on(tmp_path):
@@ -87,3 +91,12 @@ def test_ctrl_c_lets_every_lane_save_and_the_next_run_goes_on(tmp_path):
     assert all(int(work.path.read_text()) < 10 for work in works if work.path.exists())
     run_lanes(works, 2, lambda index, news: None, nothing)
     assert [work.path.read_text() for work in works] == ["10", "10"]
+
+
+def test_a_lane_that_is_done_is_heard_of_without_a_process(tmp_path):
+    (tmp_path / "done").write_text("10")
+    heard = {}
+    works = [Count(tmp_path / "done", "bug"), Count(tmp_path / "other")]
+    run_lanes(works, 1, heard.__setitem__, nothing)
+    assert heard[0] == News(10, {}, True)
+    assert heard[1].done

@@ -143,7 +143,11 @@ def test_stopped_it_goes_on_from_its_checkpoint(plan, tmp_path):
             if news.steps == 128:
                 raise KeyboardInterrupt
 
-        works[0].run(tell)
+        assert works[0].finished() is None
+        works[0].run(lambda news: None)
+        last = works[0].finished()
+        assert (last.steps, last.done, len(last.latest["return"])) == (256, True, 2)
+        works[1].run(tell)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("coachable.studies.training_runner.run_lanes", interrupted)
@@ -152,11 +156,12 @@ def test_stopped_it_goes_on_from_its_checkpoint(plan, tmp_path):
     stopped = TrainingRun.open(tmp_path / "run")
     assert stopped.status == "interrupted"
     assert counted[-1] == 128
-    assert len(stopped.columns("evaluations")["step"]) == 2
+    assert sorted(stopped.columns("evaluations")["step"]) == [128, 128, 128, 128, 256, 256]
     done = run_training(training, tmp_path / "run", progress=False)
     assert done.status == "complete"
     steps = done.columns("evaluations")
-    assert list(steps["step"][steps["lane"] == "alone-0"]) == [128, 128, 256, 256]
+    for lane in ("alone-0", "both-0"):
+        assert list(steps["step"][steps["lane"] == lane]) == [128, 128, 256, 256]
 
 
 def test_the_environments_reward_can_be_put_together_anew(plan):

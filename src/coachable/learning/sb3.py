@@ -134,7 +134,7 @@ class Learner:
             self._begun = True
         between()
 
-    def policy(self, names: tuple[str, ...] = (), clock: str = "free") -> Policy:
+    def policy(self) -> Policy:
         """What it does when it does not explore."""
         model = self._model
         if isinstance(model, OnPolicyAlgorithm):
@@ -154,8 +154,6 @@ class Learner:
             high=jnp.asarray(box.high, jnp.float32),  # pyright: ignore[reportAttributeAccessIssue]
             activation=next((name for name, kind in ACTIVATIONS.items() if kind in kinds), "tanh"),
             squashing=squashing,
-            observation_names=names,
-            clock=clock,
             **self._scaling(),
         )
 

@@ -45,6 +45,10 @@ class LaneWork(Protocol):
         """For messages."""
         ...
 
+    def finished(self) -> News | None:
+        """What there was to tell last, if there is nothing left to do."""
+        ...
+
     def run(self, tell: Tell) -> None:
         """Train from the lane's checkpoint, or from the start, until all is saved."""
         ...
@@ -73,6 +77,9 @@ def run_lanes(
         while waiting or running:
             while waiting and len(running) < num_workers:
                 index, work = waiting.popleft()
+                if (last := work.finished()) is not None:
+                    hear(index, last)
+                    continue
                 ours, theirs = context.Pipe(duplex=False)
                 process = context.Process(target=_work, args=(work, theirs, os.getpid()), daemon=True)
                 process.start()

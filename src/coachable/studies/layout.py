@@ -10,6 +10,7 @@ import jax
 from jaxtyping import PRNGKeyArray
 
 from coachable.studies.plan import Lane, Study
+from coachable.studies.training import Training
 
 WIDEST_GROUP = 16
 """Lanes that one program trains side by side: they fill the processor's vectors and fit into its cache."""
@@ -40,7 +41,7 @@ def lane_key(lane: Lane) -> PRNGKeyArray:
     return jax.random.fold_in(jax.random.PRNGKey(lane.seed), name)
 
 
-def evaluation_steps(study: Study) -> Mapping[int, tuple[int, ...]]:
+def evaluation_steps(study: Study | Training) -> Mapping[int, tuple[int, ...]]:
     """After how many updates a lane is evaluated, and as which training steps those evaluations count.
 
     Evaluation k stands for step k · `evaluate_every` ≤ `steps` and uses the weights after

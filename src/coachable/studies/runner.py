@@ -112,8 +112,8 @@ def _train(study: Study, behaviour: Behaviour, folder: RunFolder, report: Report
     except BaseException:
         for some in lanes:
             some.save()
-        write_logs(folder, lanes)
         folder.write_manifest("interrupted")
+        write_logs(folder, lanes)
         raise
 
 

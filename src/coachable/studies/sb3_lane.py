@@ -90,7 +90,7 @@ def train_lane(
     learner: Learner,
     episodes: EpisodeLog,
     evaluate: Callable[[Policy], Columns],
-    evaluation_steps: Iterable[int],
+    evaluation_steps: Mapping[int, Iterable[int]],
     num_steps: int,
     path: Path,
     tell: Tell,
@@ -100,19 +100,36 @@ def train_lane(
     """Train a lane from its checkpoint, or from the start, to its end; at `path` is then all that came of it.
 
     - `evaluate` gives rows for `evaluations` with a column `return`, whose mean decides which policy is best.
-      An evaluation at step s uses the weights after the last update that was over by then.
+      `evaluation_steps` says after which updates, and as which steps; see `layout.evaluation_steps`.
     - `finish` gives further tables of the last policy.
     - `note` is told of every evaluation, and of the episodes since: the step, `evaluation` or `training`, and
       means by name.
 
     When `tell` raises `KeyboardInterrupt` it saves and lets that pass.
     """
-    lane = _Lane(learner, episodes, evaluate, list(evaluation_steps), path, tell, note)
+    due = [step for steps in evaluation_steps.values() for step in steps]
+    lane = _Lane(learner, episodes, evaluate, due, path, tell, note)
     if path.exists():
         lane.restore()
-    if not lane.done:
-        learner.learn(num_steps, lane.between)
-        lane.finish(finish(learner.policy()))
+    learner.learn(num_steps, lane.between)
+    lane.finish(finish(learner.policy()))
+
+
+def finished(path: Path) -> News | None:
+    """What a lane told last, if it was trained to its end; `None` if not.
+
+    **Raises:** `RunFolderError` naming a file that is damaged.
+    """
+    if not path.exists():
+        return None
+    arrays, about = load_arrays(path)
+    if not about["done"]:
+        return None
+    evaluations = Log.of(arrays, "evaluations.").columns()
+    steps = evaluations.pop("step")
+    return News(
+        int(steps[-1]), {name: column[steps == steps[-1]] for name, column in evaluations.items()}, True
+    )
 
 
 class _Lane:
@@ -137,7 +154,7 @@ class _Lane:
         self._saving_took = 0.0
         self._num_evaluations = 0
         self._num_noted = 0
-        self.done = False
+        self._done = False
 
     def between(self) -> None:
         """Between two updates: evaluate what is due, save what is old, tell how far it is."""
@@ -158,15 +175,12 @@ class _Lane:
 
     def finish(self, tables: Mapping[str, Columns]) -> None:
         self._tables |= tables
-        self.done = True
+        self._done = True
         self._save()
         self._tell(News(self._learner.num_steps, self._latest, True))
 
     def restore(self) -> None:
         arrays, about = load_arrays(self._path)
-        self.done = about["done"]
-        if self.done:
-            return
         try:
             self._learner.restore(_under("learner.", arrays))
             self._best = Policy.of(_under("best.", arrays), about["best"]) if about["best"] else None
@@ -202,7 +216,7 @@ class _Lane:
         last = self._learner.policy()
         best = self._best or last
         arrays = self._episodes.log.arrays("episodes.") | self._evaluations.arrays("evaluations.")
-        if not self.done:
+        if not self._done:
             arrays |= {f"learner.{name}": array for name, array in self._learner.arrays().items()}
         for which, policy in (("last", last), ("best", best)):
             arrays |= {f"{which}.{name}": array for name, array in policy.tensors().items()}
@@ -214,7 +228,7 @@ class _Lane:
             "best_return": self._best_return,
             "num_evaluations": self._num_evaluations,
             "tables": [*self._tables],
-            "done": self.done,
+            "done": self._done,
         }
         save_arrays(self._path, arrays, about)
         self._saved_at = time.monotonic()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 
 import equinox as eqx
@@ -23,7 +22,7 @@ from coachable.studies.layout import evaluation_steps, num_cores
 from coachable.studies.log import Columns
 from coachable.studies.plan import Lane, Study
 from coachable.studies.programs import Tasks
-from coachable.studies.sb3_lane import EpisodeLog, load_lane, train_lane
+from coachable.studies.sb3_lane import EpisodeLog, finished, load_lane, train_lane
 from coachable.studies.store import Which
 from coachable.studies.survival import share_up, time_up
 
@@ -42,6 +41,10 @@ class CompassLane:
     def name(self) -> str:
         """`setup-seed`."""
         return self.lane.name
+
+    def finished(self) -> News | None:
+        """What there was to tell last, if the lane was trained to its end."""
+        return finished(self.path)
 
     def run(self, tell: Tell) -> None:
         """Train, evaluate and test the lane."""
@@ -82,7 +85,7 @@ class CompassLane:
             }
             return {"survival": columns}
 
-        due = chain.from_iterable(evaluation_steps(study).values())
+        due = evaluation_steps(study)
         train_lane(learner, episodes, evaluate, due, study.total_steps, self.path, tell, finish)
 
 
@@ -96,6 +99,7 @@ class SB3Lane:
         """Its latest evaluation, by column."""
         self.num_steps = 0
         self.num_measured = 0
+        self._loaded: tuple[float, dict[str, Columns], dict[Which, Policy]] | None = None
 
     def hear(self, news: News) -> None:
         """Take note of how far the lane is."""
@@ -106,7 +110,7 @@ class SB3Lane:
 
     def table(self, name: str) -> Columns:
         """What was logged for `episodes`, `evaluations` or `survival`, as of the last checkpoint."""
-        columns = load_lane(self.work.path)[0].get(name, {}) if self.work.path.exists() else {}
+        columns = self._load()[0].get(name, {}) if self.work.path.exists() else {}
         if not columns:
             return {}
         return columns | {"lane": np.full(len(next(iter(columns.values()))), self.work.name)}
@@ -116,7 +120,7 @@ class SB3Lane:
         about = {"observation_names": STATE_NAMES, "clock": self.work.study.clock}
         return {
             (self.work.lane, which): Policy.of(policy.tensors(), policy.description() | about)
-            for which, policy in load_lane(self.work.path)[1].items()
+            for which, policy in self._load()[1].items()
         }
 
     def trajectories(self) -> Mapping[tuple[Lane, Which], Trajectory]:
@@ -125,6 +129,13 @@ class SB3Lane:
         task = tasks.weighted(tasks.evaluation, self.work.lane)
         walk = eqx.filter_jit(lambda policy: rollout(task, policy))
         return {key: Trajectory.of(task, walk(policy)) for key, policy in self.policies().items()}
+
+    def _load(self) -> tuple[dict[str, Columns], dict[Which, Policy]]:
+        # Once for each checkpoint, for a replay buffer is long to read.
+        written = self.work.path.stat().st_mtime
+        if self._loaded is None or self._loaded[0] != written:
+            self._loaded = (written, *load_lane(self.work.path))
+        return self._loaded[1:]
 
 
 def train_with_sb3(lanes: Sequence[SB3Lane], watch: Callable[[], None]) -> None:

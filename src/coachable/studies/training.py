@@ -115,10 +115,14 @@ class Training:
         return tuple(Lane(setup.name, seed) for seed in self.seeds for setup in self.setups)
 
     @property
+    def steps_an_update(self) -> int:
+        """Training steps between two moments at which a lane's weights change."""
+        return steps_an_update(self.trainer, self.sb3)
+
+    @property
     def total_steps(self) -> int:
         """Training steps a lane: `steps` rounded up to whole updates."""
-        update = steps_an_update(self.trainer, self.sb3)
-        return -(-self.steps // update) * update
+        return -(-self.steps // self.steps_an_update) * self.steps_an_update
 
     def setup(self, name: str) -> DescribedSetup:
         """The setup of this name."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,9 +17,10 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.behaviour_reward import BehaviourReward
 from coachable.errors import CoachableError, MissingExtraError, ParameterError, PlanError
 from coachable.learning.policy import Policy
-from coachable.studies.lane_processes import Tell
+from coachable.studies.lane_processes import News, Tell
+from coachable.studies.layout import evaluation_steps
 from coachable.studies.log import Columns, Log
-from coachable.studies.sb3_lane import EpisodeLog, train_lane
+from coachable.studies.sb3_lane import EpisodeLog, Note, finished, train_lane
 from coachable.studies.study import Lane
 from coachable.studies.training import DescribedSetup, Training
 
@@ -102,6 +104,10 @@ class TrainingLane:
         """`setup-seed`."""
         return self.lane.name
 
+    def finished(self) -> News | None:
+        """What there was to tell last, if the lane was trained to its end."""
+        return finished(self.path)
+
     def run(self, tell: Tell) -> None:
         """Train and evaluate the lane."""
         from coachable.learning.sb3 import Learner
@@ -112,14 +118,12 @@ class TrainingLane:
         episodes = EpisodeLog(make(), partial(_paid, outside=outside))
         learner = Learner(training.trainer, episodes, training.sb3, self.lane.seed)
         evaluation = make()
-        due = [*range(training.evaluate_every, training.steps + 1, training.evaluate_every)]
-        due += [training.total_steps] if training.total_steps not in due else []
 
         def evaluate(policy: Policy) -> Columns:
             return walk_episodes(evaluation, policy, training.evaluation_episodes, outside)
 
         with _tracked(self.track) as note:
-            steps = training.total_steps
+            due, steps = evaluation_steps(training), training.total_steps
             train_lane(learner, episodes, evaluate, due, steps, self.path, tell, note=note)
 
 
@@ -169,27 +173,21 @@ def _paid(info: Mapping[str, Any], outside: int) -> dict[str, float]:
     }
 
 
-class _tracked:
-    """Notes of a lane, as events for TensorBoard or nowhere."""
+@contextmanager
+def _tracked(folder: Path | None) -> Iterator[Note]:
+    """What takes the notes of a lane: as events for TensorBoard, or nowhere."""
+    if folder is None:
+        yield lambda step, what, numbers: None
+        return
+    from tensorboardX import SummaryWriter
 
-    def __init__(self, folder: Path | None):
-        self._writer = None
-        if folder is not None:
-            from tensorboardX import SummaryWriter
+    with SummaryWriter(str(folder), flush_secs=10) as writer:
 
-            self._writer = SummaryWriter(str(folder), flush_secs=10)
-
-    def __enter__(self) -> Callable[[int, str, Mapping[str, float]], None]:
-        return self._note
-
-    def __exit__(self, *_: object) -> None:
-        if self._writer is not None:
-            self._writer.close()
-
-    def _note(self, step: int, what: str, numbers: Mapping[str, float]) -> None:
-        if self._writer is not None:
+        def note(step: int, what: str, numbers: Mapping[str, float]) -> None:
             for name, number in numbers.items():
-                self._writer.add_scalar(f"{what}/{name}", number, step)
+                writer.add_scalar(f"{what}/{name}", number, step)
+
+        yield note
 
 
 def require_trainable(training: Training, behaviour: Behaviour) -> None:

@@ -12,12 +12,12 @@ import numpy as np
 
 from coachable.behaviours.library import load_behaviour
 from coachable.errors import MissingExtraError, PlanError
-from coachable.learning.policy import Policy
 from coachable.studies.columns import TRAINING_SCHEMAS, table_of
 from coachable.studies.folder import RunFolder
 from coachable.studies.lane_processes import News, run_lanes
 from coachable.studies.layout import num_cores
-from coachable.studies.progress import SetupStatus, Status, progress_display
+from coachable.studies.lock import locked
+from coachable.studies.progress import Report, SetupStatus, Status, progress_display
 from coachable.studies.results import write_policy
 from coachable.studies.sb3_lane import MOST_TIME_FOR_SAVING, load_lane, require_sb3
 from coachable.studies.store import TrainingRun
@@ -48,8 +48,6 @@ def run_training(
     and `RunFolderError` if the folder belongs to another plan, is damaged, or is being written by another
     process; `KeyboardInterrupt` after everything is saved.
     """
-    from coachable.studies.lock import locked
-
     if workers is not None and workers < 1:
         raise PlanError(f"workers must be at least 1, got {workers}")
     require_sb3(training.trainer, training.sb3)
@@ -63,6 +61,7 @@ def run_training(
         if (out / "manifest.json").exists():
             folder = RunFolder.resume(TrainingRun.open(out), training, behaviour, allow_different_layout)
             if folder.manifest["status"] == "complete":
+                folder.remove_checkpoints()
                 return TrainingRun.open(out)
         else:
             widths = (1,) * len(training.lanes)
@@ -83,7 +82,7 @@ def run_training(
 
 
 def _train(
-    training: Training, folder: RunFolder, works: Sequence[TrainingLane], report, workers: int
+    training: Training, folder: RunFolder, works: Sequence[TrainingLane], report: Report, workers: int
 ) -> None:
     news: dict[int, News] = {}
     next_tables = time.monotonic() + SECONDS_BETWEEN_TABLES
@@ -103,16 +102,12 @@ def _train(
         _write_tables(folder, works)
         for work in works:
             for which, policy in load_lane(work.path)[1].items():
-                write_policy(folder, work.lane, which, _named(policy))
+                write_policy(folder, work.lane, which, policy)
         folder.complete(TRAINING_SCHEMAS)
     except BaseException:
         folder.write_manifest("interrupted")
         _write_tables(folder, works)
         raise
-
-
-def _named(policy: Policy) -> Policy:
-    return Policy.of(policy.tensors(), policy.description() | {"clock": "none"})
 
 
 def _write_tables(folder: RunFolder, works: Sequence[TrainingLane]) -> None:

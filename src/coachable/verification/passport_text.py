@@ -78,6 +78,8 @@ def print_summary(passports: Sequence[Passport], console: Console) -> None:
         table.add_row(*row)
     console.print(table)
     console.print(_TOLD, style="dim")
+    for line in _counts(passports):
+        console.print(line)
 
 
 def write_summary(passports: Sequence[Passport], folder: Path) -> None:
@@ -85,9 +87,48 @@ def write_summary(passports: Sequence[Passport], folder: Path) -> None:
     header, *rows = _summary(passports)
     ruled = [header, ["---"] + ["---:"] * (len(header) - 1), *rows]
     lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in ruled]
-    write_atomic(folder / "summary.md", f"# {_TITLE}\n\n" + "\n".join(lines) + f"\n\n{_TOLD}\n")
-    data = {"title": _TITLE, "header": header, "rows": rows, "note": _TOLD}
+    note = "\n\n".join([_TOLD, *_counts(passports)])
+    write_atomic(folder / "summary.md", f"# {_TITLE}\n\n" + "\n".join(lines) + f"\n\n{note}\n")
+    data = {"title": _TITLE, "header": header, "rows": rows, "note": note}
     write_atomic(folder / "summary.json", json.dumps(data, indent=2, ensure_ascii=False) + "\n")
+
+
+def _counts(passports: Sequence[Passport]) -> list[str]:
+    """What a table of setups has no column for, with Clopper and Pearson's 95 % intervals in percent."""
+    setups = dict.fromkeys(passport.walker.setup for passport in passports)
+    ups = []
+    for setup in setups:
+        own = [one for one in passports if one.walker.setup == setup]
+        low, high = Proportion(sum(one.adherence.up for one in own), len(own)).interval
+        ups.append(f"{setup or 'baseline'} [{100 * low:.0f}, {100 * high:.0f}]")
+    up = [one for one in passports if one.adherence.up]
+    closed = sum(any(one.adherence.cycles.values()) for one in up)
+    kinds = {
+        clock: [getattr(one.orbits, clock).kind for one in passports].count for clock in ("free", "touchdown")
+    }
+    clocks = " and ".join(
+        f"with the {clock} clock {count('periodic')} repeat themselves and {count('wandering')} wander"
+        for clock, count in kinds.items()
+    )
+    told = [
+        f"Up after 100 s, 95 % interval in percent: {', '.join(ups)}.",
+        f"Of {len(passports)} walkers, {clocks}.",
+        f"Of the {len(up)} that are up, {closed} complete a described cycle at least once.",
+    ]
+    searched = [one for one in passports if one.falls]
+    if searched:
+        safe = sum(not any(search.confirmed for search in one.falls) for one in searched)
+        found = [
+            (one.first_fall or math.inf, one.first_fall_at_random or math.inf)
+            for passport in searched
+            for one in passport.falls
+        ]
+        sooner, later = sum(a < b for a, b in found), sum(b < a for a, b in found)
+        told.append(
+            f"Of {len(searched)} walkers searched for falls, {safe} have no counterexample; CMA-ES saw the "
+            f"first fall before random search {sooner} times, after it {later} times."
+        )
+    return told
 
 
 def _summary(passports: Sequence[Passport]) -> list[list[str]]:
