@@ -312,6 +312,36 @@ def test_reading_changes_nothing(robots, name):
 
 
 @pytest.mark.parametrize("name", ROBOTS)
+def test_a_motor_alone_gives_the_power_that_its_joint_takes_up(robots, name):
+    """In the air, with one motor on: the generalised forces of the motors, times velocities, by MuJoCo."""
+    robot = robots[name]
+    robot.put()
+    for motor in range(robot.model.nu):
+        robot.data.ctrl[:] = 0.0
+        robot.data.ctrl[motor] = -0.3
+        robot.data.qvel[:] = 0.0
+        joint = robot.model.actuator_trnid[motor, 0]
+        robot.data.qvel[robot.model.jnt_dofadr[joint]] = 2.0
+        mujoco.mj_forward(robot.model, robot.data)
+        taken_up = robot.data.qfrc_actuator @ robot.data.qvel
+        assert taken_up < -0.1
+        assert robot.read()["power"] == pytest.approx(-taken_up)
+    robot.data.ctrl[:] = 0.0
+    mujoco.mj_forward(robot.model, robot.data)
+    assert robot.read()["power"] == 0.0
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_who_falls_freely_gains_momentum_by_its_weight(robots, name):
+    robot = robots[name]
+    seen = robot.put()
+    names = {robot.model.joint(i).name for i in range(robot.model.njnt)}
+    axis = 2 if "root" in names else int(robot.model.joint("rootz").dofadr[0])
+    # With everything else held, the generalised force of gravity on the vertical is the whole weight.
+    assert robot.data.qfrc_bias[axis] == pytest.approx(seen["weight"])
+
+
+@pytest.mark.parametrize("name", ROBOTS)
 def test_every_signal_is_poked_above(name):
     hinges = {signal for robot, signal, *_ in HINGES if robot == name}
     feet = {prefix for robot, prefix, *_ in FEET if robot == name}
@@ -319,7 +349,16 @@ def test_every_signal_is_poked_above(name):
     poked |= {f"{prefix}foot_{what}" for prefix in feet for what in ("x", "height", "contact")}
     if name in ("Walker2d-v5", "Hopper-v5"):
         poked |= {f"{prefix}{what}" for prefix in feet for what in ("shank", "sole", "load")}
-    poked |= {"torso_x", "torso_height", "forward_speed", "vertical_speed", "pitch", "pitch_velocity"}
+    poked |= {
+        "power",
+        "weight",
+        "torso_x",
+        "torso_height",
+        "forward_speed",
+        "vertical_speed",
+        "pitch",
+        "pitch_velocity",
+    }
     if name == "Humanoid-v5":
         poked |= {"torso_y", "leftward_speed", "roll", "roll_velocity", "yaw", "yaw_velocity"}
         poked |= {f"{side}_{what}" for side in ("left", "right") for what in ("hip_rotation", "foot_y")}

@@ -38,7 +38,7 @@ class Aim(gymnasium.Env):
 
 
 def learner(trainer, **settings):
-    return Learner(trainer, Aim(), SMALL[trainer] | settings, seed=1)
+    return Learner(trainer, Aim, SMALL[trainer] | settings, seed=1)
 
 
 @pytest.mark.parametrize(
@@ -46,6 +46,7 @@ def learner(trainer, **settings):
     [
         ("sb3-ppo", {}),
         ("sb3-ppo", {"normalize": True}),
+        ("sb3-ppo", {"normalize": True, "n_envs": 2}),
         ("sb3-ppo", {"policy_kwargs": {"activation_fn": "relu", "net_arch": [8, 8, 8]}}),
         ("sb3-sac", {}),
         ("sb3-sac", {"normalize": True}),
@@ -85,7 +86,7 @@ def test_a_checkpoint_holds_all_that_is_needed_to_go_on(trainer, normalize):
 
 def test_two_learners_with_a_seed_learn_the_same_and_with_another_seed_something_else():
     def weights(seed):
-        lane = Learner("sb3-ppo", Aim(), SMALL["sb3-ppo"], seed)
+        lane = Learner("sb3-ppo", Aim, SMALL["sb3-ppo"], seed)
         lane.learn(64, lambda: None)
         return np.asarray(lane.policy().weights[0])
 
@@ -94,8 +95,23 @@ def test_two_learners_with_a_seed_learn_the_same_and_with_another_seed_something
     assert (weights(4) != first).any()
 
 
+def test_several_environments_are_seeded_apart_from_those_of_every_other_lane():
+    def starts(seed):
+        lane = Learner("sb3-ppo", Aim, SMALL["sb3-ppo"] | {"n_envs": 3}, seed)
+        return {tuple(row) for row in lane._model.env.reset()}
+
+    assert len(starts(0) | starts(1) | starts(2)) == 9
+
+
+def test_a_step_of_any_of_its_environments_counts():
+    lane = Learner("sb3-ppo", Aim, SMALL["sb3-ppo"] | {"n_envs": 3}, seed=0)
+    assert lane.steps_an_update == 3 * SMALL["sb3-ppo"]["n_steps"]
+    lane.learn(lane.steps_an_update, lambda: None)
+    assert lane.num_steps == lane.steps_an_update
+
+
 def test_it_learns_to_aim():
-    lane = Learner("sb3-ppo", Aim(), {"n_steps": 512, "learning_rate": 2e-3, "gamma": 0.0}, seed=0)
+    lane = Learner("sb3-ppo", Aim, {"n_steps": 512, "learning_rate": 2e-3, "gamma": 0.0}, seed=0)
     aims = np.random.default_rng(1).uniform(0.3, 1.7, (100, 2)).astype(np.float32)
     observations = np.concatenate([aims, np.ones((100, 1), np.float32)], axis=1)
 
@@ -163,6 +179,6 @@ def test_a_setting_that_makes_no_sense_is_refused():
 
 def test_spaces_it_cannot_work_with_are_refused():
     with pytest.raises(PlanError, match="actions must be a row of numbers"):
-        Learner("sb3-ppo", gymnasium.make("CartPole-v1"), {}, 0)
+        Learner("sb3-ppo", lambda: gymnasium.make("CartPole-v1"), {}, 0)
     with pytest.raises(PlanError, match="FlattenObservation"):
-        Learner("sb3-ppo", gymnasium.wrappers.ReshapeObservation(Aim(), (3, 1)), {}, 0)
+        Learner("sb3-ppo", lambda: gymnasium.wrappers.ReshapeObservation(Aim(), (3, 1)), {}, 0)

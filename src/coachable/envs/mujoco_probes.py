@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -122,6 +123,18 @@ def foot_load(foot: str) -> ReadingOf:
         return partial(simulation.pressing.get, int(simulation.model.geom(foot).id), 0.0)
 
     return of
+
+
+def motor_power(simulation: MujocoSimulation) -> Reading:
+    """What the motors give and take together: the sum of |force × velocity| over them."""
+    force, velocity = simulation.data.actuator_force, simulation.data.actuator_velocity
+    return lambda: math.fsum(map(abs, map(operator.mul, force.tolist(), velocity.tolist())))
+
+
+def weight(simulation: MujocoSimulation) -> Reading:
+    """Of all bodies together."""
+    newtons = float(simulation.model.body_mass.sum() * -simulation.model.opt.gravity[Z])
+    return lambda: newtons
 
 
 def lean(*hinges: str) -> ReadingOf:

@@ -18,9 +18,11 @@ from coachable.envs.mujoco_probes import (
     joint_angle,
     joint_velocity,
     lean,
+    motor_power,
     pitch,
     roll,
     torso,
+    weight,
     yaw,
 )
 from coachable.envs.probes import Probe, ReadingOf, angle, probe
@@ -37,6 +39,8 @@ def _foot(prefix: str, foot: str, ahead_of_hip: ReadingOf) -> tuple[Probe, ...]:
 _TORSO = (
     probe("torso_x", "m", "where the torso is, forward from the start of the world", torso(X)),
     probe("torso_height", "m", "of the middle of the torso over the floor", torso(Z)),
+    probe("power", "W", "of all motors, what they brake counted as what they drive", motor_power),
+    probe("weight", "N", "of the robot", weight),
 )
 
 

@@ -46,7 +46,7 @@ def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
     defaults: dict[str, Any] = {
         name: each.default for name, each in parameters.items() if name not in _NOT_SETTINGS
     }
-    defaults |= {"normalize": False} | ({} if trainer == "sb3-ppo" else {"noise_std": 0.0})
+    defaults |= {"normalize": False} | ({"n_envs": 1} if trainer == "sb3-ppo" else {"noise_std": 0.0})
     for name, value in settings.items():
         if name not in defaults:
             raise PlanError(f"{trainer} has no setting {name!r}; {suggestion(name, defaults)}")
@@ -74,25 +74,30 @@ def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
 class Learner:
     """One lane: an algorithm with its environment, its networks, and all that a checkpoint has to hold.
 
-    One environment, on the CPU, in one thread: cores are kept busy by lanes side by side.
+    On the CPU, in one thread: cores are kept busy by lanes side by side.
 
     **Arguments:**
         trainer: a key of `ALGORITHMS`.
-        env: observations are a row of numbers, actions a bounded one.
+        make_env: observations are a row of numbers, actions a bounded one.
         settings: arguments of the algorithm that differ from its defaults, and `normalize`, for running
-            means and deviations of observations and returns (`VecNormalize`); `noise_std`, for normal noise
-            on actions in [−1, 1]; `policy_kwargs.activation_fn`, by its name.
+            means and deviations of observations and returns (`VecNormalize`); `n_envs`, from how many
+            environments PPO gathers `n_steps` each, one after another; `noise_std`, for normal noise on
+            actions in [−1, 1]; `policy_kwargs.activation_fn`, by its name.
         seed: for the networks, the sampling and the environment.
 
     **Raises:** `PlanError` for spaces or settings that the algorithm cannot work with.
     """
 
-    def __init__(self, trainer: str, env: gymnasium.Env, settings: Mapping[str, Any], seed: int):
+    def __init__(
+        self, trainer: str, make_env: Callable[[], gymnasium.Env], settings: Mapping[str, Any], seed: int
+    ):
         check_settings(trainer, settings)
-        require_boxes(env)
         torch.set_num_threads(1)
         settings = dict(settings)
-        vector_env: Any = DummyVecEnv([lambda: env])
+        env = make_env()
+        require_boxes(env)
+        num_envs = settings.pop("n_envs", 1)
+        vector_env: Any = DummyVecEnv([lambda: env, *[make_env] * (num_envs - 1)])
         if settings.pop("normalize", False):
             vector_env = VecNormalize(vector_env, gamma=settings.get("gamma", 0.99))
         if noise := settings.pop("noise_std", 0.0):
@@ -105,7 +110,9 @@ class Learner:
             self._model = algorithm("MlpPolicy", vector_env, seed=seed, device="cpu", verbose=0, **settings)
         except (TypeError, ValueError, AssertionError) as error:
             raise PlanError(f"{trainer} does not take these settings: {error}") from None
-        self._env, self._seed = env, seed
+        # Environments are seeded one after another from this on: no two lanes share one.
+        self._seed = seed * num_envs
+        vector_env.seed(self._seed)
         self._begun = False
 
     @property
@@ -117,7 +124,7 @@ class Learner:
     def steps_an_update(self) -> int:
         """How many steps pass between two moments at which the weights change."""
         if isinstance(self._model, OnPolicyAlgorithm):
-            return self._model.n_steps
+            return self._model.n_steps * self._model.n_envs
         frequency: Any = self._model.train_freq
         return frequency if isinstance(frequency, int) else frequency.frequency
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,25 +39,35 @@ def require_sb3(trainer: str, settings: Mapping[str, Any]) -> None:
 Note = Callable[[int, str, Mapping[str, float]], None]
 
 
+@dataclass
+class Episodes:
+    """The training episodes of a lane, from all of its environments."""
+
+    log: Log = field(default_factory=Log)
+    num_steps: int = 0
+    """Steps of all environments together."""
+
+
 class EpisodeLog(gymnasium.Wrapper):
     """Keeps the return, the length and the end of every episode, and sums of what its infos tell.
 
     Infos go no further: stable-baselines3 reads none of ours, but copies each of them deeply.
 
-    **Arguments:** `sums_of`: from an info to numbers by name, which are added up over an episode;
-    `fell_key`, where an info tells whether an episode that terminated was a fall, if not all are.
+    **Arguments:** `episodes`, where they are kept; `sums_of`: from an info to numbers by name, which are
+    added up over an episode; `fell_key`, where an info tells whether an episode that terminated was a fall,
+    if not all are.
     """
 
     def __init__(
         self,
         env: gymnasium.Env,
+        episodes: Episodes,
         sums_of: Callable[[Mapping[str, Any]], Mapping[str, float]],
         fell_key: str | None = None,
     ):
         super().__init__(env)
         self._fell_key = fell_key
-        self.log = Log()
-        self.num_steps = 0
+        self._episodes = episodes
         self._sums_of = sums_of
         self._begin()
 
@@ -69,16 +80,16 @@ class EpisodeLog(gymnasium.Wrapper):
     def step(self, action: Any) -> Any:
         """One step, counted."""
         observation, reward, terminated, truncated, info = self.env.step(action)
-        self.num_steps += 1
+        self._episodes.num_steps += 1
         self._length += 1
         self._return += float(reward)
         for name, number in self._sums_of(info).items():
             self._sums[name] = self._sums.get(name, 0.0) + number
         if terminated or truncated:
             fell = terminated if self._fell_key is None else info[self._fell_key]
-            episode = {"end_step": self.num_steps, "return": self._return, "length": self._length}
+            episode = {"end_step": self._episodes.num_steps, "return": self._return, "length": self._length}
             row = {**episode, "fell": bool(fell), **self._sums}
-            self.log.add({name: np.array([value]) for name, value in row.items()})
+            self._episodes.log.add({name: np.array([value]) for name, value in row.items()})
         return observation, reward, terminated, truncated, {}
 
     def _begin(self) -> None:
@@ -88,7 +99,7 @@ class EpisodeLog(gymnasium.Wrapper):
 
 def train_lane(
     learner: Learner,
-    episodes: EpisodeLog,
+    episodes: Episodes,
     evaluate: Callable[[Policy], Columns],
     evaluation_steps: Mapping[int, Iterable[int]],
     num_steps: int,
@@ -136,7 +147,7 @@ class _Lane:
     def __init__(
         self,
         learner: Learner,
-        episodes: EpisodeLog,
+        episodes: Episodes,
         evaluate: Callable[[Policy], Columns],
         due: list[int],
         path: Path,

@@ -22,7 +22,7 @@ from coachable.studies.layout import evaluation_steps, num_cores
 from coachable.studies.log import Columns
 from coachable.studies.plan import Lane, Study
 from coachable.studies.programs import Tasks
-from coachable.studies.sb3_lane import EpisodeLog, finished, load_lane, train_lane
+from coachable.studies.sb3_lane import EpisodeLog, Episodes, finished, load_lane, train_lane
 from coachable.studies.store import Which
 from coachable.studies.survival import share_up, time_up
 
@@ -53,19 +53,23 @@ class CompassLane:
         study = self.study
         setup = next(setup for setup in study.setups if setup.name == self.lane.setup)
         jax.config.update("jax_cpu_enable_async_dispatch", False)
-        env = CompassWalkerEnv(
-            setup,
-            study.semantics,
-            study.reward_variant,
-            study.clock,
-            study.plant,
-            self.behaviour,
-            shared_evaluation_every=study.evaluate_every if study.semantics == "released-code" else 0,
-        )
+        episodes = Episodes()
+
+        def make_env() -> EpisodeLog:
+            env = CompassWalkerEnv(
+                setup,
+                study.semantics,
+                study.reward_variant,
+                study.clock,
+                study.plant,
+                self.behaviour,
+                shared_evaluation_every=study.evaluate_every if study.semantics == "released-code" else 0,
+            )
+            return EpisodeLog(env, episodes, lambda info: {}, fell_key="fell")
+
         tasks = Tasks.of(study, self.behaviour)
         evaluation = tasks.weighted(tasks.evaluation, self.lane)
-        episodes = EpisodeLog(env, lambda info: {}, fell_key="fell")
-        learner = Learner(study.trainer, episodes, study.sb3, self.lane.seed)
+        learner = Learner(study.trainer, make_env, study.sb3, self.lane.seed)
         walk = eqx.filter_jit(lambda policy: summary(evaluation, rollout(evaluation, policy)))
         survive = eqx.filter_jit(
             lambda policy: (

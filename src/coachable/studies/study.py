@@ -6,6 +6,7 @@ import dataclasses
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import prod
 from typing import Any, Literal, Protocol, runtime_checkable
 
 from coachable.behaviours.suggestion import suggestion
@@ -91,6 +92,8 @@ class Study:
             )
         if self.trainer != "ppo":
             steps_an_update(self.trainer, self.sb3)
+        if self.semantics == "released-code" and self.sb3.get("n_envs", 1) != 1:
+            raise PlanError("released-code evaluates in the one environment it trains in: n_envs must be 1")
 
     @property
     def steps_an_update(self) -> int:
@@ -152,11 +155,12 @@ class Study:
 
 def steps_an_update(trainer: Trainer, settings: Mapping[str, Any]) -> int:
     """Environment steps between two moments at which the weights of stable-baselines3's algorithms change."""
-    name, default = ("n_steps", 2048) if trainer == "sb3-ppo" else ("train_freq", 1)
-    steps = settings.get(name, default)
-    if type(steps) is not int or steps < 1:
-        raise PlanError(f"sb3.{name} must be a whole number of steps, got {steps!r}")
-    return steps
+    defaults = {"n_steps": 2048, "n_envs": 1} if trainer == "sb3-ppo" else {"train_freq": 1}
+    factors = {name: settings.get(name, default) for name, default in defaults.items()}
+    for name, factor in factors.items():
+        if type(factor) is not int or factor < 1:
+            raise PlanError(f"sb3.{name} must be a whole number, at least 1, got {factor!r}")
+    return prod(factors.values())
 
 
 def check_choices(values: Mapping[str, Any]) -> None:

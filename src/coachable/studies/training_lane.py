@@ -20,7 +20,7 @@ from coachable.learning.policy import Policy
 from coachable.studies.lane_processes import News, Tell
 from coachable.studies.layout import evaluation_steps
 from coachable.studies.log import Columns, Log
-from coachable.studies.sb3_lane import EpisodeLog, Note, finished, train_lane
+from coachable.studies.sb3_lane import EpisodeLog, Episodes, Note, finished, train_lane
 from coachable.studies.study import Lane
 from coachable.studies.training import DescribedSetup, Training
 
@@ -115,8 +115,13 @@ class TrainingLane:
         training = self.training
         make = partial(make_env, training, training.setup(self.lane.setup), self.behaviour)
         outside = len(self.behaviour.phases)
-        episodes = EpisodeLog(make(), partial(_paid, outside=outside))
-        learner = Learner(training.trainer, episodes, training.sb3, self.lane.seed)
+        episodes = Episodes()
+        learner = Learner(
+            training.trainer,
+            lambda: EpisodeLog(make(), episodes, partial(_paid, outside=outside)),
+            training.sb3,
+            self.lane.seed,
+        )
         evaluation = make()
 
         def evaluate(policy: Policy) -> Columns:
@@ -198,10 +203,11 @@ def require_trainable(training: Training, behaviour: Behaviour) -> None:
     from coachable.learning.sb3 import Learner, require_boxes
 
     for setup in training.setups:
-        env = make_env(training, setup, behaviour)
+        make = partial(make_env, training, setup, behaviour)
+        env = make()
         try:
             require_boxes(env)
-            Learner(training.trainer, env, training.sb3, training.first_seed).policy()
+            Learner(training.trainer, make, training.sb3, training.first_seed).policy()
             env.reset(seed=0)
             env.step(env.action_space.sample())
         except CoachableError as error:
