@@ -4,7 +4,7 @@ ARGS ?=
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help study demo test bench clean
+.PHONY: help study demo walker2d test bench clean
 .DELETE_ON_ERROR:
 
 # A stamp says that .venv holds these dependencies. Each set contains the ones before it, so its recipe writes
@@ -32,6 +32,7 @@ endef
 help:
 	@echo "make study   the paper's whole study into runs/paper; ARGS='--semantics released-code --out runs/released'"
 	@echo "make demo    one setup, a few seeds, under two minutes, into runs/demo"
+	@echo "make walker2d  MuJoCo's Walker2d told to walk and to hop, with stable-baselines3: hours, and resumable"
 	@echo "make test    lint, types and the whole test suite; ARGS='tests/plants -k energy' for a part"
 	@echo "make bench   how fast it is, beside SciPy, stable-baselines3, sbx, rtamt and others; wants an idle machine"
 	@echo "make clean   remove .venv and the tools' caches; runs/ stays"
@@ -41,6 +42,12 @@ study: $(CORE)
 
 demo: $(CORE)
 	@$(BIN)/coachable study demo $(call out,runs/demo) $(ARGS)
+
+walker2d: $(DEV)
+	@$(BIN)/coachable train experiments/walker2d/walk.toml --out runs/walker2d-walk $(ARGS)
+	@$(BIN)/coachable gait runs/walker2d-walk
+	@$(BIN)/coachable train experiments/walker2d/hop.toml --out runs/walker2d-hop $(ARGS)
+	@$(BIN)/coachable gait runs/walker2d-hop
 
 # The default folder, unless ARGS names one.
 out = $(if $(filter --out --out=%,$(ARGS)),,--out $(1))

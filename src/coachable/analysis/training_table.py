@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,19 @@ MEASURES = {
 def tell_training(run: TrainingRun, folder: Path) -> None:
     """Print a training's table; write it as Markdown, with its learning curves as SVG and PNG."""
     header, rows = _rows(run)
+    written = tell_table(heading(run), header, rows, NOTE, folder / "table.md")
+    figure = learning_curves(run)
+    paths = [folder / f"learning_curves.{suffix}" for suffix in ("svg", "png")]
+    for path in paths:
+        save(figure, path)
+    for path in (*paths, written):
+        print(f"wrote {path}")
+
+
+def tell_table(
+    title: str, header: Sequence[str], rows: Sequence[Sequence[str]], note: str, path: Path
+) -> Path:
+    """Print a table, and write it as Markdown; where it is written."""
     console = Console()
     if not console.is_terminal:
         console = Console(width=_COLUMNS)
@@ -42,20 +56,13 @@ def tell_training(run: TrainingRun, folder: Path) -> None:
         grid.add_column(Text(name))
     for row in rows:
         grid.add_row(*map(Text, row))
-    title = heading(run)
     console.print(title, style="bold", highlight=False)
     console.print(grid)
-    console.print(NOTE, style="dim italic", highlight=False)
-    folder.mkdir(parents=True, exist_ok=True)
+    console.print(note, style="dim italic", highlight=False)
+    path.parent.mkdir(parents=True, exist_ok=True)
     lines = ["| " + " | ".join(row) + " |" for row in (header, ["---"] * len(header), *rows)]
-    written = folder / "table.md"
-    written.write_text(f"# {title}\n\n" + "\n".join(lines) + f"\n\n{NOTE}\n", encoding="utf-8")
-    figure = learning_curves(run)
-    paths = [folder / f"learning_curves.{suffix}" for suffix in ("svg", "png")]
-    for path in paths:
-        save(figure, path)
-    for path in (*paths, written):
-        print(f"wrote {path}")
+    path.write_text(f"# {title}\n\n" + "\n".join(lines) + f"\n\n{note}\n", encoding="utf-8")
+    return path
 
 
 NOTE = (
@@ -142,12 +149,14 @@ def _rows(run: TrainingRun) -> tuple[list[str], list[list[str]]]:
         cells = []
         for measure in shown:
             told, factor = final(run, setup.name, measure), MEASURES[measure][1]
-            cells.append(_cell(told, factor))
+            cells.append(cell(told, factor))
         rows.append([setup.name, *cells])
     return header, rows
 
 
-def _cell(told: Estimate, factor: float) -> str:
+def cell(told: Estimate, factor: float = 1.0) -> str:
+    """An estimate times a factor, with its interval, as it stands in a table."""
+
     def text(value: float) -> str:
         value *= factor
         return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"

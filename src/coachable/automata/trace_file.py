@@ -7,7 +7,7 @@ import io
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -68,6 +68,29 @@ def read_trace(path: Path, signals: tuple[Signal, ...], dt: float | None = None)
             yield Chunk(times, arrays)
     except (pa.ArrowException, OSError, UnicodeDecodeError, csv.Error) as error:
         raise TraceError(f"{path}: cannot be read: {_first_line(error)}") from None
+
+
+def write_trace(
+    path: Path, times: np.ndarray, signals: tuple[Signal, ...], values: Mapping[str, np.ndarray]
+) -> None:
+    """Write what `read_trace` reads: a column `t [s]`, and one for each signal with its unit.
+
+    Numbers are written so that the very same are read again. The suffix decides as in `read_trace`.
+
+    **Raises:** `TraceError` for a suffix that is neither of CSV nor of Parquet.
+    """
+    columns = {"t [s]": times} | {
+        f"{signal.name} [{signal.unit}]" if signal.unit else signal.name: values[signal.name]
+        for signal in signals
+    }
+    table = pa.table(columns)
+    if _is_parquet(path):
+        pq.write_table(table, path)
+    elif path.name.endswith((".csv", ".csv.gz", ".csv.bz2", ".csv.zst")):
+        with pa.output_stream(str(path), compression="detect") as stream:
+            pa_csv.write_csv(table, stream)
+    else:
+        raise TraceError(f"{path}: give a file that ends in .csv, .csv.gz or .parquet")
 
 
 def _columns(path: Path, names: list[str], signals: tuple[Signal, ...], *, with_time: bool) -> dict[str, str]:

@@ -7,10 +7,8 @@ from pathlib import Path
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.suggestion import suggestion
+from coachable.behaviours.text.sources import LIBRARY
 from coachable.errors import BehaviourError
-
-LIBRARY = Path(__file__).parent / "library"
-"""Where they lie."""
 
 SHIPPED = (
     "compass-walking",

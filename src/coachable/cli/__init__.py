@@ -21,6 +21,8 @@ COMMANDS = {
     "compare": studies.compare,
     "report": studies.report,
     "watch": walks.watch,
+    "record": walks.record,
+    "gait": walks.gait,
     "baseline": walks.baseline,
     "verify": verification.verify,
     "check": descriptions.check,

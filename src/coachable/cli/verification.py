@@ -150,7 +150,7 @@ def _verified(
     resume: bool,
 ) -> list[Passport]:
     """The passports, those that are there already kept if `resume`."""
-    from coachable.verification.progress import verification_progress
+    from coachable.cli.progress import walkers_progress
     from coachable.verification.verify import kept_passport, verify
 
     kept = {
@@ -163,7 +163,7 @@ def _verified(
     if kept:
         print(f"{len(kept)} of {len(subjects)} passports are there already", file=sys.stderr)
     missing = [subject for subject in subjects if subject.walker.name not in kept]
-    with verification_progress(len(missing)) as tell:
+    with walkers_progress("verify", len(missing)) as tell:
         made = verify(missing, level, folder, baseline, tell, certify=certify)
     by_name = kept | {passport.walker.name: passport for passport in made}
     return [by_name[subject.walker.name] for subject in subjects]

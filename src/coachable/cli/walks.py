@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
 from coachable.cli.options import Semantics, json_text, option
+from coachable.errors import PlanError
+
+if TYPE_CHECKING:
+    from coachable.studies.store import TrainingRun, Which
 
 ControllerName = Literal["virtual-gravity", "constant-torque", "none"]
 
@@ -68,11 +72,7 @@ def watch(
         setup = setup or opened.plan.setups[0].name
         seeds = dict.fromkeys(seed or (opened.plan.first_seed,))
         if isinstance(opened, TrainingRun):
-            from coachable.studies.training_walks import rendered_walk
-            from coachable.viewing.rendered import draw_rendered
-
-            rendered = [rendered_walk(opened, setup, number, which, seconds) for number in seeds]
-            draw_rendered(rendered, out, opened.behaviour.phases)
+            _draw_robot(opened, setup, [*seeds], which, seconds, out)
             print(f"{out}: {opened.plan.env}, {setup}, seed {', '.join(map(str, seeds))}, {which} policy")
             return
         walks = [walk_of_lane(opened, setup, number, which, seconds) for number in seeds]
@@ -81,6 +81,96 @@ def watch(
     trajectories = {title: walk.trajectory for title, walk in zip(titles, walks, strict=True)}
     draw_walks(trajectories, out, walks[0].behaviour.phases, walks[0].parameters)
     print(f"{out}: {who}")
+
+
+def _draw_robot(
+    run: TrainingRun, setup: str, seeds: list[int], which: Which, seconds: float, out: Path
+) -> None:
+    """A film as the environment draws it, or a strobe picture of the last two seconds."""
+    from coachable.studies.training_walks import recorded_walk, rendered_walk
+    from coachable.viewing.watch import PICTURES
+
+    if out.suffix.lower() in PICTURES:
+        from coachable.style import save
+        from coachable.viewing.robot_strobe import robot_strobe
+
+        recorded = [recorded_walk(run, setup, number, which, seconds=seconds) for number in seeds]
+        save(robot_strobe({walk.title: walk for walk in recorded}), out)
+        return
+    from coachable.viewing.rendered import draw_rendered
+
+    rendered = [rendered_walk(run, setup, number, which, seconds) for number in seeds]
+    draw_rendered(rendered, out, run.behaviour.phases)
+
+
+def record(
+    run: Annotated[Positional[Path], arg(metavar="RUN", help="The folder of a training.")],
+    out: Annotated[Path, arg(aliases=["-o"], metavar="FILE", help="walk.csv, walk.csv.gz or walk.parquet.")],
+    setup: Annotated[str | None, option("NAME", "The lane's setup.", otherwise="the plan's first")] = None,
+    seed: Annotated[int | None, option("N", "The lane's seed.", otherwise="the plan's first")] = None,
+    which: Annotated[
+        Literal["last", "best"],
+        arg(help="The policy after the last update, or the one with the best evaluation return."),
+    ] = "last",
+    episode: Annotated[int, arg(metavar="N", help="Which of its evaluation episodes.")] = 0,
+) -> None:
+    """Record what a trained robot's signals are while it goes: a column each, for `coachable explain`.
+
+    For example:
+
+        coachable record runs/walker2d --setup both --seed 0 -o walk.csv
+        coachable explain mine.behaviour walk.csv
+    """
+    from coachable.automata.trace_file import write_trace
+    from coachable.studies.store import TrainingRun
+    from coachable.studies.training_walks import recorded_walk
+
+    opened = TrainingRun.open(run)
+    setup = setup or opened.plan.setups[0].name
+    seed = opened.plan.first_seed if seed is None else seed
+    walk = recorded_walk(opened, setup, seed, which, episode)
+    write_trace(out, walk.time, walk.signals, walk.values)
+    end = "it fell" if walk.fell else "it did not fall"
+    print(f"{out}: {walk.title}, {len(walk.time):,} samples in {walk.time[-1]:.3f} s; {end}")
+
+
+def gait(
+    run: Annotated[Positional[Path], arg(metavar="RUN", help="The folder of a training.")],
+    episodes: Annotated[int, arg(metavar="N", help="Episodes a lane, each from another start.")] = 10,
+    which: Annotated[
+        Literal["last", "best"],
+        arg(help="The policies after the last update, or those with the best evaluation return."),
+    ] = "last",
+    speed: Annotated[float, arg(metavar="V", help="For how soon it was reached [m/s].")] = 1.0,
+    out: Annotated[Path | None, option("DIR", "Where the table and the diagram go.", otherwise="RUN")] = None,
+) -> None:
+    """Tell which gaits came out of a training: do they walk, run, gallop, or hop on one foot?
+
+    Prints a table with intervals, and writes it with a footfall diagram; every episode's numbers go into RUN.
+
+    For example:
+
+        coachable gait runs/walker2d
+        coachable gait runs/walker2d --episodes 20 --speed 1.5 --out results/walker2d
+    """
+    from coachable.analysis.gait_table import tell_gaits
+    from coachable.cli.progress import walkers_progress
+    from coachable.studies.store import TrainingRun
+    from coachable.style import save
+    from coachable.verification.gait_survey import survey
+    from coachable.viewing.footfalls import footfalls
+
+    if episodes < 1:
+        raise PlanError(f"episodes must be at least 1, got {episodes}")
+    opened = TrainingRun.open(run)
+    with walkers_progress("gait", len(opened.lanes)) as tell:
+        walks = survey(opened, episodes, which, tell)
+    tell_gaits(opened, speed, out or run)
+    picture = footfalls(walks)
+    for suffix in ("svg", "png"):
+        path = (out or run) / f"footfalls.{suffix}"
+        save(picture, path)
+        print(f"wrote {path}")
 
 
 def baseline(

@@ -96,6 +96,29 @@ the described reward came to, with its weight. `fell` says that the episode term
 where they have none.
 """
 
+GAITS = _columns(
+    _LANE,
+    ("episode", pa.int32(), ""),
+    ("gait", pa.string(), ""),
+    ("dt", pa.float64(), "s"),
+    ("length", pa.int32(), ""),
+    ("environment", pa.float32(), ""),
+    ("fell", pa.bool_(), ""),
+    ("share_in_cycle", pa.float32(), ""),
+    ("follows", pa.float32(), ""),
+    ("speed", pa.float32(), "m/s"),
+    ("transport", pa.float32(), ""),
+    ("duty", pa.float32(), ""),
+    ("flight", pa.float32(), ""),
+    ("alternation", pa.float32(), ""),
+    ("lag", pa.float32(), ""),
+    ("asymmetry", pa.float32(), "%"),
+)
+"""What `coachable gait` finds, one row an episode; see `verification.gaits.measures`.
+
+`follows` is the share of steps that belong to the behaviour; `dt` the time between two steps.
+"""
+
 
 def table_of(schema: pa.Schema, columns: Mapping[str, np.ndarray | list]) -> pa.Table:
     """A table from its columns, in the schema's order."""

@@ -18,7 +18,7 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.suggestion import suggestion
 from coachable.behaviours.text.parser import parse
 from coachable.errors import BehaviourError, PlanError, RunFolderError
-from coachable.studies.columns import FORMAT_VERSION, SCHEMAS, TRAINING_SCHEMAS
+from coachable.studies.columns import FORMAT_VERSION, GAITS, SCHEMAS, TRAINING_SCHEMAS
 from coachable.studies.files import read_bytes, table_from
 from coachable.studies.plan import Lane, Study, parse_plan
 from coachable.studies.training import Training, parse_training
@@ -147,6 +147,12 @@ class TrainingRun:
         if name not in TRAINING_SCHEMAS:
             raise RunFolderError(f"a training has no table {name!r}; {suggestion(name, TRAINING_SCHEMAS)}")
         return _columns(RunFiles(self.path, self.manifest).table(name, TRAINING_SCHEMAS[name]))
+
+    def gaits(self) -> dict[str, np.ndarray]:
+        """What `coachable gait` found, as NumPy arrays, columns as in `studies/columns.py`."""
+        if not (self.path / "gaits.parquet").exists():
+            raise RunFolderError(f"{self.path} tells no gaits yet; ask `coachable gait {self.path}`")
+        return _columns(RunFiles(self.path, self.manifest).table("gaits", GAITS))
 
     def policy(self, setup: str, seed: int, which: Which = "last") -> Policy:
         """The lane's learned controller: the `last`, or the `best` by evaluation return."""

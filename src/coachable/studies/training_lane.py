@@ -15,6 +15,7 @@ import numpy as np
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.behaviour_reward import BehaviourReward
+from coachable.envs.environment_signals import SignalFunction
 from coachable.errors import CoachableError, MissingExtraError, ParameterError, PlanError
 from coachable.learning.policy import Policy
 from coachable.studies.lane_processes import News, Tell
@@ -72,7 +73,7 @@ def make_env(
     return BehaviourReward(
         OwnReward(env, setup.terms),
         behaviour,
-        signals={name: _reader(source) for name, source in training.signals.items()} or None,
+        signals=signal_functions(training),
         weight=setup.weight,
         replace=setup.replace,
         variant=setup.reward_variant,
@@ -81,7 +82,12 @@ def make_env(
     )
 
 
-def _reader(source: int | str) -> Callable[[Any, Any, Mapping[str, Any]], Any]:
+def signal_functions(training: Training) -> dict[str, SignalFunction] | None:
+    """Where the plan says that the signals are; `None` if they are the environment's pack's."""
+    return {name: _reader(source) for name, source in training.signals.items()} or None
+
+
+def _reader(source: int | str) -> SignalFunction:
     if isinstance(source, int):
         return lambda env, observation, info: observation[source]
     return lambda env, observation, info: info[source]

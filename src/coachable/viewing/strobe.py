@@ -61,7 +61,7 @@ def strobe(
             axes.set_axis_off()
             _draw_walk(axes, walk, phases, (left, left + length), bottom, scale)
             if title:
-                _write(axes, (left + 0.3 * scale, 1.18 * scale), title, INK, "top")
+                write(axes, (left + 0.3 * scale, 1.18 * scale), title, INK, "top")
     return figure
 
 
@@ -117,7 +117,7 @@ def _poses(walk: Walk) -> list[int]:
 
 def _draw_pose(axes: Axes, walk: Walk, sample: int, strength: float, level: int) -> None:
     p, hip = walk.parameters, walk.hip[sample]
-    stance, swing = _faded(STANCE, strength), _faded(SWING, strength)
+    stance, swing = faded(STANCE, strength), faded(SWING, strength)
     first_stands = bool(walk.first_leg_stands[sample])
     for foot, colour in ((walk.swing_foot, swing), (walk.stance_foot, stance)):
         axes.plot(*zip(foot[sample], hip, strict=True), color=colour, linewidth=2.2, zorder=level)
@@ -126,7 +126,7 @@ def _draw_pose(axes: Axes, walk: Walk, sample: int, strength: float, level: int)
         (walk.stance_mass, stance, first_stands),
     ):
         _draw_mass(axes, mass[sample], _diameter(p.leg_mass, p), colour, colour if is_first else PAGE, level)
-    ink = _faded(INK, strength)
+    ink = faded(INK, strength)
     _draw_mass(axes, hip, _diameter(p.hip_mass, p), ink, ink, level)
 
 
@@ -143,7 +143,7 @@ def _diameter(mass: float, parameters: CompassParameters) -> float:
     return 7.5 * (mass / max(parameters.hip_mass, parameters.leg_mass)) ** 0.5
 
 
-def _faded(colour: str, strength: float) -> Colour:
+def faded(colour: str, strength: float) -> Colour:
     """The colour mixed with the page's: unlike transparency it hides what is behind."""
     return tuple(1 - strength * (1 - channel) for channel in to_rgb(colour))
 
@@ -157,7 +157,7 @@ def _draw_ground(axes: Axes, left: float, right: float, bottom: float, scale: fl
     for x in np.arange(np.ceil(2 * left) / 2, right, 0.5):
         axes.plot([x, x], [0, -0.015 * scale], color=INK, linewidth=0.7, zorder=ABOVE)
         if left + 0.1 * scale < x < right - 0.1 * scale:
-            _write(axes, (x, -0.03 * scale), f"{x:g} m".replace("-", "−"), FAINT, "top")
+            write(axes, (x, -0.03 * scale), f"{x:g} m".replace("-", "−"), FAINT, "top")
 
 
 def _draw_phases(
@@ -177,14 +177,15 @@ def _draw_phases(
         )
         if phase < len(names) and width > 0.06 * scale:
             middle = (begin + width / 2, low + height / 2)
-            _write(axes, middle, names[phase], INK, "center_baseline")
+            write(axes, middle, names[phase], INK, "center_baseline")
     for sample in np.flatnonzero(walk.touched_down):
         x = place(int(sample))
         axes.plot([x, x], [low, low + height], color=INK, linewidth=0.8, zorder=ABOVE)
     for second in np.arange(np.ceil(2 * walk.time[0]) / 2, walk.time[-1] + 1e-6, 0.5):
         x = place(walk.at(second))
-        _write(axes, (x, low - 0.015 * scale), f"{second:g} s", FAINT, "top")
+        write(axes, (x, low - 0.015 * scale), f"{second:g} s", FAINT, "top")
 
 
-def _write(axes: Axes, at: tuple[float, float], text: str, colour: str, anchor: str) -> None:
+def write(axes: Axes, at: tuple[float, float], text: str, colour: str, anchor: str) -> None:
+    """Small words, centred, above everything."""
     axes.text(*at, text, ha="center", va=anchor, fontsize=6.5, color=colour, zorder=ABOVE)

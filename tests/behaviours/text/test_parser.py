@@ -419,6 +419,13 @@ def test_only_files_beside_are_included(tmp_path, name, told):
         parse(INCLUDING.replace("robot.vocabulary", name), here)
 
 
+def test_what_ships_can_be_included_from_anywhere_but_a_file_beside_comes_first(tmp_path):
+    text = INCLUDING.replace("robot.vocabulary", "planar-walker.vocabulary")
+    assert "left_foot_x" in parse(text.replace("far out", "left foot is ahead"), tmp_path).signal_names
+    (tmp_path / "planar-walker.vocabulary").write_text(FRAGMENT)
+    assert parse(text, tmp_path).signal_names == ("x",)
+
+
 def test_a_name_that_a_text_includes_is_not_declared_again(tmp_path):
     (tmp_path / "robot.vocabulary").write_text(FRAGMENT)
     with pytest.raises(BehaviourTextError, match=r"x is given twice; first in .*robot\.vocabulary, line 2"):

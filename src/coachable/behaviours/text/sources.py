@@ -1,4 +1,4 @@
-"""Reading behaviour files: never more than fits, never from anywhere but beside the file that asks."""
+"""Reading behaviour files: never more than fits, and only what lies beside the file that asks, or ships."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from pathlib import Path
 
 from coachable.behaviours.text.lines import MAX_BYTES
 from coachable.errors import BehaviourError
+
+LIBRARY = Path(__file__).parents[1] / "library"
+"""Where the behaviours and vocabularies that ship lie."""
 
 
 def read_text(path: Path) -> str:
@@ -35,7 +38,7 @@ def read_text(path: Path) -> str:
 
 
 def beside(directory: Path, name: str) -> Path:
-    """The file of this name in a folder, for a text that includes it.
+    """The file of this name in a folder, for a text that includes it; if there is none, the one that ships.
 
     **Raises:** `BehaviourError` for a name with a folder in it, and for a link that leads out of the folder.
     """
@@ -46,5 +49,7 @@ def beside(directory: Path, name: str) -> Path:
         if path.resolve(strict=True).parent != directory.resolve():
             raise BehaviourError(f"{name!r} leads to another folder; only files beside this one are included")
     except (OSError, RuntimeError):
+        if name in (shipped.name for shipped in LIBRARY.iterdir()):
+            return LIBRARY / name
         raise BehaviourError(f"there is no file {name!r} beside this one") from None
     return path

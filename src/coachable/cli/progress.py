@@ -1,4 +1,4 @@
-"""How a verification goes on: a bar with the time left in a terminal, else a line now and then."""
+"""How work on many walkers goes on: a bar with the time left in a terminal, else a line now and then."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ SECONDS_BETWEEN_LINES = 30.0
 
 
 @contextlib.contextmanager
-def verification_progress(num_walkers: int, console: Console | None = None) -> Iterator[Tell]:
+def walkers_progress(doing: str, num_walkers: int, console: Console | None = None) -> Iterator[Tell]:
     """A function to tell how much of a walker is done, which may be called from any thread."""
     console = console or Console(stderr=True)
     if not num_walkers:
         yield lambda name, share: None
     elif console.is_terminal:
-        with _bar(num_walkers, console) as tell:
+        with _bar(doing, num_walkers, console) as tell:
             yield tell
     else:
-        yield _Lines(num_walkers, console)
+        yield _Lines(doing, num_walkers, console)
 
 
 @contextlib.contextmanager
-def _bar(num_walkers: int, console: Console) -> Iterator[Tell]:
+def _bar(doing: str, num_walkers: int, console: Console) -> Iterator[Tell]:
     columns = (
-        TextColumn("[bold]verify"),
+        TextColumn(f"[bold]{doing}"),
         BarColumn(bar_width=None),
         MofNCompleteColumn(),
         TextColumn("{task.description}"),
@@ -47,14 +47,15 @@ def _bar(num_walkers: int, console: Console) -> Iterator[Tell]:
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console, expand=True) as progress:
-        task = progress.add_task("compiling", total=num_walkers)
+        task = progress.add_task("beginning", total=num_walkers)
         yield lambda name, share: progress.update(task, advance=share, description=name)
 
 
 class _Lines:
     """A line every half minute."""
 
-    def __init__(self, num_walkers: int, console: Console):
+    def __init__(self, doing: str, num_walkers: int, console: Console):
+        self._doing = doing
         self._total, self._console = num_walkers, console
         self._done, self._began = 0.0, time.monotonic()
         self._next = self._began + SECONDS_BETWEEN_LINES
@@ -69,7 +70,8 @@ class _Lines:
             self._next = now + SECONDS_BETWEEN_LINES
             left = (now - self._began) * (self._total / self._done - 1)
             self._console.print(
-                f"verify: {self._done:.1f} of {self._total} walkers · about {left:.0f} s left · {name}",
+                f"{self._doing}: {self._done:.1f} of {self._total} walkers · about {left:.0f} s left · "
+                f"{name}",
                 soft_wrap=True,
                 highlight=False,
                 markup=False,

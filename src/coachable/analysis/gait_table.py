@@ -1,0 +1,78 @@
+"""The gaits that came out of a training, as a table with intervals."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from coachable.analysis.intervals import Estimate, estimate, mean
+from coachable.analysis.training_table import by_seed, cell, heading, tell_table
+from coachable.studies.store import TrainingRun
+
+MEASURES = {
+    "environment": ("environment's return", 1.0),
+    "speed": ("speed [m/s]", 1.0),
+    "share_in_cycle": ("in the cycle [%]", 100.0),
+    "follows": ("follows [%]", 100.0),
+    "alternation": ("alternation [%]", 100.0),
+    "asymmetry": ("asymmetry [%]", 1.0),
+    "flight": ("flight [%]", 100.0),
+    "transport": ("cost of transport", 1.0),
+    "fell": ("fell [%]", 100.0),
+}
+"""What is told of episodes: a column, its name with the unit, and what it is multiplied with."""
+
+NOTE = (
+    "Deterministic episodes of one policy a seed; means over seeds of means over episodes, with 95 % "
+    "bootstrap intervals over seeds. A seed's gait is that of most of its episodes. Follows: steps that "
+    "the description pays +1. Alternation: touchdowns by the other foot than the last. Asymmetry: the feet's "
+    "times on the ground, difference over mean. Cost of transport: work of the motors, braking counted as "
+    "driving, per weight and distance. A speed was reached after the steps of the first evaluation that was "
+    "so fast."
+)
+
+
+def tell_gaits(run: TrainingRun, speed: float, folder: Path) -> None:
+    """Print the table of the gaits in `gaits.parquet`, and write it as Markdown.
+
+    **Arguments:** `speed`, for how soon it was reached in the evaluations [m/s].
+    """
+    gaits = run.gaits()
+    names = [setup.name for setup in run.plan.setups]
+    table = [["gaits of the seeds", *(_gaits(run, gaits, name) for name in names)]]
+    for measure, (title, factor) in MEASURES.items():
+        if not np.isnan(gaits[measure].astype(float)).all():
+            table.append([title, *(cell(_over_seeds(run, gaits, name, measure), factor) for name in names)])
+    dt = float(gaits["dt"][0])
+    table.append([f"{speed:g} m/s after", *(_reached(run, name, speed * dt) for name in names)])
+    print(f"wrote {tell_table(heading(run), ['', *names], table, NOTE, folder / 'gaits.md')}")
+
+
+def _gaits(run: TrainingRun, gaits: dict[str, np.ndarray], setup: str) -> str:
+    """How many seeds do what; a seed does what most of its episodes show, of several as many the first."""
+    usual = Counter()
+    for seed in run.plan.seeds:
+        mine = gaits["gait"][gaits["lane"] == run.lane(setup, seed).name]
+        usual[Counter(mine.tolist()).most_common(1)[0][0]] += 1
+    return ", ".join(f"{count} {word}" for word, count in usual.most_common())
+
+
+def _over_seeds(run: TrainingRun, gaits: dict[str, np.ndarray], setup: str, measure: str) -> Estimate:
+    """The mean over seeds of the mean over those of their episodes that have the measure."""
+    values = gaits[measure].astype(float)
+    mine = [values[gaits["lane"] == run.lane(setup, seed).name] for seed in run.plan.seeds]
+    return estimate(mean, np.array([np.nanmean(each) for each in mine if not np.isnan(each).all()], float))
+
+
+def _reached(run: TrainingRun, setup: str, metres_a_step: float) -> str:
+    """After how many thousand steps the evaluations were so fast, and of how many seeds."""
+    steps, distance = by_seed(run, setup, "distance")
+    _, length = by_seed(run, setup, "length")
+    fast = distance >= metres_a_step * length
+    first = [int(steps[row.argmax()]) for row in fast if row.any()]
+    if not first:
+        return f"never, {len(fast)} seed{'s' * (len(fast) > 1)}"
+    told = cell(estimate(mean, np.array(first, float)), 1e-3) + "k"
+    return told if len(first) == len(fast) else f"{told}, {len(first)} of {len(fast)} seeds"

@@ -1,0 +1,171 @@
+"""A small training of Walker2d: its walks are recorded, drawn and measured, and nothing is made up."""
+
+import equinox as eqx
+import gymnasium
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from PIL import Image
+
+pytest.importorskip("stable_baselines3", reason="needs the [sb3] extra: pip install 'coachable[sb3]'")
+pytest.importorskip("mujoco", reason="needs the [mujoco] extra: pip install 'coachable[mujoco]'")
+
+from coachable import cli
+from coachable.automata.trace_file import read_trace
+from coachable.envs.limbs import Limbs
+from coachable.studies.store import TrainingRun
+from coachable.studies.training import load_training
+from coachable.studies.training_lane import EVALUATION_SEED
+from coachable.studies.training_runner import run_training
+from coachable.studies.training_walks import recorded_walk, seconds_a_step
+
+pytestmark = pytest.mark.sb3
+
+HOPPING = """
+behaviour "hopping"
+
+include "planar-walker.vocabulary"
+
+phases
+  stance:  left foot is down, right foot is down
+  flight:  left foot is up, right foot is up
+
+cycle
+  stance -> flight -> stance
+"""
+
+PLAN = """
+env = "Walker2d-v5"
+behaviour = "hopping.behaviour"
+steps = 256
+evaluate_every = 128
+evaluation_episodes = 1
+[setups.alone]
+weight = 0
+[setups.both]
+[sb3]
+n_envs = 2
+n_steps = 64
+batch_size = 32
+n_epochs = 1
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("walker")
+    (folder / "hopping.behaviour").write_text(HOPPING)
+    (folder / "walker.toml").write_text(PLAN)
+    return run_training(load_training(folder / "walker.toml"), folder / "run", progress=False)
+
+
+@pytest.fixture(scope="module")
+def walk(run):
+    return recorded_walk(run, "both", 0)
+
+
+def test_the_steps_of_all_environments_are_counted_once(run):
+    episodes = run.columns("episodes")
+    for lane in run.lanes:
+        mine = episodes["lane"] == lane.name
+        assert 0 < episodes["end_step"][mine].max() <= 256
+        # Of two environments that step in turn, no more than their last episodes are not over.
+        assert 0 <= 256 - episodes["length"][mine].sum() <= 256 - episodes["length"][mine][0]
+
+
+def test_a_recorded_walk_is_the_episode_that_the_policy_walks(run, walk):
+    env = gymnasium.make("Walker2d-v5")
+    observation, _ = env.reset(seed=EVALUATION_SEED)
+    policy, paid, heights = eqx.filter_jit(run.policy("both", 0)), 0.0, [observation[0]]
+    for _ in walk.time[1:]:
+        observation, reward, terminated, *_ = env.step(
+            np.asarray(policy(jnp.asarray(observation, jnp.float32)))
+        )
+        paid += reward
+        heights.append(observation[0])
+    assert terminated == walk.fell
+    assert walk.environment_return == pytest.approx(paid, rel=1e-6)
+    np.testing.assert_allclose(walk.values["torso_height"], heights, atol=1e-6)
+    assert walk.time[1] == seconds_a_step(run) == pytest.approx(0.008)
+
+
+def test_its_phases_and_what_follows_are_those_of_its_feet(walk):
+    down = np.stack([walk.values["left_load"] > 20, walk.values["right_load"] > 20])
+    sure = (walk.values["left_load"] > 30) == (walk.values["left_load"] > 10)
+    sure &= (walk.values["right_load"] > 30) == (walk.values["right_load"] > 10)
+    phase = np.where(down.all(axis=0), 0, np.where(down.any(axis=0), 2, 1))
+    np.testing.assert_array_equal(walk.phase[sure], phase[sure])
+    # With two phases and an edge each way, whatever ends inside belongs to the behaviour.
+    np.testing.assert_array_equal(walk.follows[1:], walk.phase[1:] < 2)
+
+
+def test_limbs_end_where_the_robots_feet_are(walk):
+    assert set(walk.limbs) >= {"torso_geom", "foot_geom", "foot_left_geom"}
+    lowest = walk.ends[:, walk.limbs.index("foot_left_geom"), :, 2].min(axis=1)
+    radius = walk.radii[walk.limbs.index("foot_left_geom")]
+    np.testing.assert_allclose(lowest - radius, walk.values["left_foot_height"], atol=1e-6)
+
+
+def test_only_robots_of_mujoco_have_limbs():
+    assert Limbs.of(gymnasium.make("Pendulum-v1")) is None
+
+
+def test_the_survey_measures_every_episode(run, capsys):
+    cli.main(["gait", str(run.path), "--episodes", "2", "--speed", "0.1"])
+    told = capsys.readouterr().out
+    gaits = TrainingRun.open(run.path).gaits()
+    assert sorted(zip(gaits["lane"], gaits["episode"], strict=True)) == [
+        (f"{setup}-0", episode) for setup in ("alone", "both") for episode in (0, 1)
+    ]
+    first = recorded_walk(run, "both", 0)
+    row = (gaits["lane"] == "both-0") & (gaits["episode"] == 0)
+    assert gaits["length"][row] == len(first.time) - 1
+    assert gaits["follows"][row] == pytest.approx(first.follows[1:].mean())
+    assert gaits["environment"][row] == pytest.approx(first.environment_return)
+    table = (run.path / "gaits.md").read_text()
+    for words in ("gaits of the seeds", "environment's return", "0.1 m/s after", "fell [%]"):
+        assert words in table and words in told
+    assert Image.open(run.path / "footfalls.png").width > 1000
+
+
+def test_a_run_that_was_not_surveyed_says_what_to_do(run, tmp_path):
+    from coachable.errors import RunFolderError
+
+    (run.path / "gaits.parquet").rename(tmp_path / "gaits.parquet")
+    with pytest.raises(RunFolderError, match="ask `coachable gait"):
+        run.gaits()
+
+
+@pytest.mark.parametrize("suffix", ["csv", "csv.gz", "parquet"])
+def test_a_record_holds_the_very_numbers(run, walk, tmp_path, suffix, capsys):
+    path = tmp_path / f"walk.{suffix}"
+    cli.main(["record", str(run.path), "--setup", "both", "-o", str(path)])
+    assert f"{len(walk.time)} samples" in capsys.readouterr().out
+    (chunk,) = read_trace(path, walk.signals)
+    np.testing.assert_array_equal(chunk.times, walk.time)
+    for name, values in walk.values.items():
+        np.testing.assert_array_equal(chunk.values[name], values)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["record", "RUN", "-o", "walk.txt"], "give a file that ends in"),
+        (["record", "RUN", "--setup", "bath", "-o", "walk.csv"], "bath"),
+        (["record", "nowhere", "-o", "walk.csv"], "nowhere is not a folder"),
+        (["gait", "RUN", "--episodes", "0"], "episodes must be at least 1"),
+        (["gait", "nowhere"], "nowhere is not a folder"),
+    ],
+)
+def test_what_cannot_be_recorded_or_measured_is_said(run, tmp_path, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit, match="2"):
+        cli.main([str(run.path) if word == "RUN" else word for word in arguments])
+    assert message in capsys.readouterr().err
+
+
+def test_a_strobe_picture_of_a_robot_is_drawn(run, tmp_path):
+    cli.main(["watch", str(run.path), "--setup", "both", "-o", str(tmp_path / "strobe.png")])
+    picture = np.asarray(Image.open(tmp_path / "strobe.png").convert("RGB")).reshape(-1, 3)
+    for colour in ((0x00, 0x72, 0xB2), (0xE0, 0x7B, 0x00), (0x22, 0x22, 0x22)):
+        assert (picture == colour).all(axis=1).sum() > 100, "the latest pose: right leg, left leg, torso"
