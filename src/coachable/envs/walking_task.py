@@ -11,6 +11,7 @@ from coachable.automata.tracker import Memory
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.behaviours.suggestion import suggestion
+from coachable.envs.squashing import SQUASHINGS, Squashing
 from coachable.envs.task import Task as Task
 from coachable.envs.task import Timestep as Timestep
 from coachable.errors import ParameterError
@@ -61,9 +62,10 @@ class WalkingState(eqx.Module):
 class WalkingTask(Task):
     """Ten seconds of compass walking, paid by the terms of section III of Harnack et al., CDC 2023.
 
-    A step holds the clipped action for control_dt. With `clock="touchdown"` a touchdown ends the step early,
-    so that the controller is asked again there; chatter is then a third touchdown without a full step in
-    between. `weights` is an array, so that lanes with different reward setups are one vmapped program.
+    A step holds the action, squashed into the box, for control_dt. With `clock="touchdown"` a touchdown ends
+    the step early, so that the controller is asked again there; chatter is then a third touchdown without a
+    full step in between. `weights` is an array, so that lanes with different reward setups are one vmapped
+    program.
     """
 
     plant: CompassWalker
@@ -74,6 +76,7 @@ class WalkingTask(Task):
     high: Float[Array, "2"]
     semantics: Semantics = eqx.field(static=True, default="paper")
     clock: Clock = eqx.field(static=True, default="free")
+    squashing: Squashing = eqx.field(static=True, default="clip")
     control_dt: float = eqx.field(static=True, default=0.01)
     seconds: float = eqx.field(static=True, default=10.0)
     shared_evaluation_every: int = eqx.field(static=True, default=0)
@@ -137,8 +140,8 @@ class WalkingTask(Task):
         return self.phase_reward.locate(self._signals(x))
 
     def step(self, state: WalkingState, action: Float[Array, "2"]) -> tuple[WalkingState, Timestep]:
-        """Hold the action, clipped to the box, for one control step and pay for where it led."""
-        control = jnp.clip(action, self.low, self.high)
+        """Hold the action, squashed into the box, for one control step and pay for where it led."""
+        control = SQUASHINGS[self.squashing](action, self.low, self.high)
         moved = self._advance(state, control)
         fell = moved.outcome != Outcome.WALKING
         x, foot_x = moved.x, moved.foot_x
@@ -240,6 +243,7 @@ def make_task(
     seconds: float = 10.0,
     *,
     box: tuple[tuple[float, float], tuple[float, float]] = ACTION_BOX,
+    squashing: Squashing = "clip",
     shared_evaluation_every: int = 0,
 ) -> WalkingTask:
     """Return the walking task of a reward setup.
@@ -251,12 +255,17 @@ def make_task(
         clock: `free`, a sample every 0.01 s, or `touchdown`, where a touchdown restarts the sample clock.
         parameters: masses, lengths and gravity. behaviour: what r_or pays for; by default compass walking.
         seconds: T, the length of an episode. box: lowest and highest torque (ankle, hip) [N m].
+        squashing: how actions are kept in the box, `clip` or `tanh`.
         shared_evaluation_every: see `WalkingTask`; `SHARED_EVALUATION_EVERY` in released-code training.
 
-    Raises `ParameterError` for an unknown semantics, variant or clock, for an episode shorter than one
-    control step, and for a behaviour that reads signals the walker does not have.
+    Raises `ParameterError` for an unknown semantics, variant, clock or squashing, for an episode shorter than
+    one control step, and for a behaviour that reads signals the walker does not have.
     """
-    for what, value, known in (("semantics", semantics, _SEMANTICS), ("clock", clock, _CLOCKS)):
+    for what, value, known in (
+        ("semantics", semantics, _SEMANTICS),
+        ("clock", clock, _CLOCKS),
+        ("squashing", squashing, tuple(SQUASHINGS)),
+    ):
         if value not in known:
             raise ParameterError(f"unknown {what} {value!r}; {suggestion(value, known)}")
     if not 0.01 <= seconds < math.inf:
@@ -274,6 +283,7 @@ def make_task(
         high=jnp.asarray(box[1]),
         semantics=semantics,
         clock=clock,
+        squashing=squashing,
         seconds=seconds,
         shared_evaluation_every=shared_evaluation_every,
     )

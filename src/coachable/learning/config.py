@@ -3,6 +3,7 @@
 from dataclasses import dataclass, fields
 from math import isfinite
 
+from coachable.envs.squashing import SQUASHINGS, Squashing
 from coachable.errors import PlanError
 
 
@@ -37,11 +38,18 @@ class PPOConfig:
     """Added to Adam's denominator."""
     hidden_sizes: tuple[int, int] = (64, 64)
     """Widths of the two tanh layers, of the policy and of the value network alike."""
+    jacobian_penalty: float = 0.0
+    """Weight of the mean squared slope of the mean action, as of `ppo.loss`; 0 leaves it out."""
+    squashing: Squashing = "clip"
+    """How the task keeps actions in its box: cut off, or by tanh. Densities are of actions before that."""
 
     def __post_init__(self) -> None:
         if isinstance(self.hidden_sizes, list):  # as it comes from a TOML file
             object.__setattr__(self, "hidden_sizes", tuple(self.hidden_sizes))
+        self._require("squashing", self.squashing in tuple(SQUASHINGS), " or ".join(map(repr, SQUASHINGS)))
         for field in fields(self):
+            if field.name == "squashing":
+                continue
             value = getattr(self, field.name)
             numbers = value if isinstance(value, tuple) else (value,)
             finite = all(type(number) in (int, float) and isfinite(number) for number in numbers)
@@ -53,7 +61,7 @@ class PPOConfig:
             self._require(name, getattr(self, name) > 0, "greater than 0")
         for name in ("gamma", "gae_lambda"):
             self._require(name, 0 <= getattr(self, name) <= 1, "between 0 and 1")
-        for name in ("ent_coef", "vf_coef"):
+        for name in ("ent_coef", "vf_coef", "jacobian_penalty"):
             self._require(name, getattr(self, name) >= 0, "at least 0")
         self._require(
             "hidden_sizes",

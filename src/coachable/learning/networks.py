@@ -55,6 +55,13 @@ class ActorCritic(eqx.Module):
 
         return mean_action
 
+    def means(self, observations: Float[Array, "observations batch"]) -> Float[Array, "actions batch"]:
+        """The policy's mean action for every column of `observations`; the value network is not run."""
+        (weight_1, bias_1), (weight_2, bias_2), (weight_3, bias_3) = self.policy_layers
+        hidden = jnp.tanh(weight_1 @ observations + bias_1[:, None])
+        hidden = jnp.tanh(weight_2 @ hidden + bias_2[:, None])
+        return weight_3 @ hidden + bias_3[:, None]
+
     def values(self, observations: Float[Array, "observations batch"]) -> Float[Array, " batch"]:
         """The value of every column of `observations`; the policy network is not run."""
         (weight_1, bias_1), (weight_2, bias_2), (weight_3, bias_3) = self.value_layers

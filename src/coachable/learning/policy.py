@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from coachable.envs.squashing import SQUASHINGS
 from coachable.errors import RunFolderError
 
 ACTIVATIONS = {"tanh": jnp.tanh, "relu": jax.nn.relu}
-SQUASHINGS = {"clip": jnp.clip, "tanh": lambda a, low, high: low + (high - low) * (jnp.tanh(a) + 1) / 2}
 
 
 class Policy(eqx.Module):

@@ -58,7 +58,7 @@ class Rollout(eqx.Module):
     next_observations: Float[Array, "*steps observations"]
     """Where the step led, before any reset."""
     actions: Float[Array, "*steps actions"]
-    """As sampled; the task clips them to its box."""
+    """As sampled; the task squashes them into its box."""
     log_probabilities: Float[Array, "*steps"]
     rewards: Float[Array, "*steps"]
     terminated: Bool[Array, "*steps"]
@@ -246,8 +246,11 @@ def loss(networks: ActorCritic, samples: Batch, config: PPOConfig) -> Float[Arra
 
         ρ_t = π(a_t | s_t) / π_old(a_t | s_t)
         L = −mean min(ρ_t A_t, clip(ρ_t, 1 ± ε) A_t) + c_v mean (R_t − V(s_t))² − c_e mean H(π(· | s_t))
+            + c_J mean ‖∂μ/∂s (s_t)‖²_F
 
-    Source: eqs. 7 and 9 of the paper; no clipping and no ½ in the value loss, as in stable-baselines3.
+    Source: eqs. 7 and 9 of the paper; no clipping and no ½ in the value loss, as in stable-baselines3. The
+    last term is Jacobian regularisation (Hoffman, Roberts & Yaida, 2019, arXiv 1908.02729, eq. 4) of the
+    mean action μ before it is squashed.
     """
     means, values = networks(samples.observations)
     log_std = networks.log_std
@@ -257,7 +260,20 @@ def loss(networks: ActorCritic, samples: Batch, config: PPOConfig) -> Float[Arra
     surrogate = jnp.minimum(ratio * samples.advantages, clipped * samples.advantages).mean()
     value_loss = jnp.square(samples.returns - values).mean()
     entropy = jnp.sum(log_std + 0.5 * log(2 * pi) + 0.5)
-    return -surrogate + config.vf_coef * value_loss - config.ent_coef * entropy
+    whole = -surrogate + config.vf_coef * value_loss - config.ent_coef * entropy
+    if not config.jacobian_penalty:  # the program, and so every bit, is as if there were no such term
+        return whole
+    return whole + config.jacobian_penalty * squared_slope(networks, samples.observations).mean()
+
+
+def squared_slope(
+    networks: ActorCritic, observations: Float[Array, "observations batch"]
+) -> Float[Array, " batch"]:
+    """‖∂μ/∂s‖²_F of the policy's mean action μ, for every column s of `observations`."""
+    means, pull_back = jax.vjp(networks.means, observations)
+    # A column's mean depends on no other column, so one pull-back gives a row of every column's Jacobian.
+    rows = [pull_back(jnp.zeros_like(means).at[action].set(1.0))[0] for action in range(len(means))]
+    return sum(jnp.square(row).sum(axis=0) for row in rows)
 
 
 def gaussian_log_probability(

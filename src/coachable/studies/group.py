@@ -220,5 +220,6 @@ def _policy(networks: ActorCritic, study: Study) -> Policy:
         low=jnp.asarray(ACTION_BOX[0], jnp.float32),
         high=jnp.asarray(ACTION_BOX[1], jnp.float32),
         observation_names=STATE_NAMES,
+        squashing=study.ppo.squashing,
         clock=study.clock,
     )

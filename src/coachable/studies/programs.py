@@ -56,6 +56,7 @@ class Tasks:
             study.clock,
             study.plant,
             behaviour,
+            squashing=study.ppo.squashing,
         )
         evaluation = make()
         return Tasks(

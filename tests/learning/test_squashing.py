@@ -1,0 +1,54 @@
+"""Squashed actions stay in the box, and densities are of actions before that."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from coachable.envs.squashing import SQUASHINGS
+from coachable.envs.walking_task import ACTION_BOX, make_task
+from coachable.learning import ppo
+from coachable.learning.config import PPOConfig
+from coachable.rewards.setup import PAPER_SETUPS
+
+LOW, HIGH = (np.array(torques) for torques in ACTION_BOX)
+CONFIG = PPOConfig(n_steps=256, batch_size=64, n_epochs=2, squashing="tanh")
+
+
+@pytest.mark.parametrize("name", sorted(SQUASHINGS))
+def test_it_maps_every_action_into_the_box_and_keeps_their_order(name):
+    actions = jnp.linspace(-60, 60, 4001)
+    low, high = jnp.array(LOW[0]), jnp.array(HIGH[0])
+    applied = np.asarray(SQUASHINGS[name](actions, low, high))
+    assert ((applied >= LOW[0]) & (applied <= HIGH[0])).all()
+    assert (np.diff(applied) >= -1e-6).all()
+    assert applied[0] == pytest.approx(LOW[0])
+    assert applied[-1] == pytest.approx(HIGH[0])
+
+
+def test_tanh_is_smooth_and_of_slope_half_the_box_in_its_middle():
+    tanh = SQUASHINGS["tanh"]
+    slope = jax.vmap(jax.grad(tanh), (0, None, None))(jnp.linspace(-4, 4, 801), -2.0, 0.0)
+    assert float(slope.max()) == pytest.approx(1.0)
+    assert float(jnp.abs(jnp.diff(slope)).max()) < 0.01  # clip's jumps by 1 at either bound
+    assert float(slope.min()) > 0
+
+
+def test_the_task_applies_the_squashed_action():
+    task = make_task(PAPER_SETUPS["orthant"], squashing="tanh")
+    actions = 3 * jax.random.normal(jax.random.key(0), (20, 2))
+    applied = jax.jit(jax.vmap(lambda action: task.step(task.init(), action)[1].control))(actions)
+    np.testing.assert_allclose(applied, -1 + np.tanh(np.asarray(actions)), atol=1e-6)
+
+
+def test_the_ratio_is_one_before_the_first_step_of_learning():
+    """PPO's ratio is of densities before squashing: with the weights that sampled, it is 1 everywhere."""
+    task = make_task(PAPER_SETUPS["orthant"], squashing="tanh")
+    state = ppo.init(jax.random.key(0), task, CONFIG)
+    state, rollout, _ = eqx.filter_jit(ppo.collect)(task, state, CONFIG)
+    assert float(jnp.abs(rollout.actions + 1).max()) > 1, "actions are kept as sampled, not as applied"
+    means, _ = state.networks(rollout.observations.T)
+    standardised = (rollout.actions.T - means) / jnp.exp(state.networks.log_std)[:, None]
+    log_probabilities = ppo.gaussian_log_probability(standardised, state.networks.log_std)
+    np.testing.assert_allclose(log_probabilities, rollout.log_probabilities, atol=1e-4)
