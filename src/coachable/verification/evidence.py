@@ -90,6 +90,16 @@ def certificate(
     )
 
 
+def no_certificate(obstacle: str) -> Certified:
+    """That no proof was tried, and why: what keeps the walker from a stable gait, if anything does."""
+    reason = (
+        f"not tried: with the clock that restarts at touchdown {obstacle}"
+        if obstacle
+        else "not tried: certificates are for the semantics `paper`"
+    )
+    return Certified(False, 0.0, float("nan"), 0, reason, None)
+
+
 def run_of(folder: Path) -> Path:
     """Where what lies beside the passports goes: the run's folder, if they are in it."""
     return folder.parent if folder.name == "passports" else folder

@@ -86,7 +86,7 @@ class Certified:
     reach: float
     """How far images of the box reach, over the radius; NaN if nothing was checked."""
     strides: int
-    """Steps after which the box returns."""
+    """Steps after which the box returns; 0 without a gait that repeats itself."""
     reason: str
     """What the checker says; without a proof, where it fails."""
     file: str | None
@@ -114,7 +114,7 @@ class Passport:
     falls: tuple[FallSearch, ...] = ()
     """Level full, under its own clock; empty without a gait, and in `released-code` semantics."""
     certificate: Certified | None = None
-    """With the touchdown clock, if it was asked for and the gait repeats itself there."""
+    """With the touchdown clock, if it was asked for."""
 
     @property
     def gait(self) -> Orbit:

@@ -19,9 +19,10 @@ from coachable.studies.layout import num_cores
 from coachable.verification.adherence import adherence
 from coachable.verification.basin import CHUNK, SET_NAMES, basin, draw_starts, label_starts
 from coachable.verification.basin_picture import draw_slices, slices
-from coachable.verification.evidence import certificate, falls, require_crival
+from coachable.verification.evidence import certificate, falls, no_certificate, require_crival
 from coachable.verification.fall_search import require_cma
 from coachable.verification.followed import followed_svg
+from coachable.verification.obstacle import obstacles
 from coachable.verification.orbit import find_orbits
 from coachable.verification.passport import (
     LEVELS,
@@ -140,6 +141,8 @@ def _verify_group(group: Sequence[Subject], job: _Job) -> list[Passport]:
         walks = {clock: settle(loops, starts, clock) for clock in _CLOCKS}
         found = {clock: find_orbits(loops, walks[clock], clock) for clock in _CLOCKS}
         stable = stabilities(loops, found["touchdown"])
+        asked = (loops, walks["touchdown"], found["touchdown"], stable)
+        why_not = obstacles(*asked) if job.certify else [""] * job.width
     passports = []
     for lane, subject in enumerate(group):
         walk = walks[subject.walker.clock][lane]
@@ -158,6 +161,8 @@ def _verify_group(group: Sequence[Subject], job: _Job) -> list[Passport]:
         passport = _with_disturbances(passport, subject, walk, job, measuring)
         if job.certify and passport.certifiable:
             passport = _with_certificate(passport, subject, job)
+        elif job.certify:
+            passport = replace(passport, certificate=no_certificate(why_not[lane]))
         if job.folder is not None:
             path = write_passport(job.folder, passport)
             picture = path.with_name(f"{path.stem}-automaton.svg")
@@ -225,5 +230,5 @@ def kept_passport(folder: Path, subject: Subject, level: Level, certify: bool = 
     except RunFolderError:
         return None  # it is made anew
     enough = LEVELS.index(passport.level) >= LEVELS.index(level)
-    enough &= not certify or passport.certificate is not None or not passport.certifiable
+    enough &= not certify or passport.certificate is not None
     return passport if enough and passport.walker == subject.walker else None
