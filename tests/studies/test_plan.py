@@ -81,7 +81,7 @@ def test_differences_name_the_key_and_both_values():
 
 
 def test_the_plans_that_ship_are_the_papers():
-    assert shipped_plans() == ["demo", "paper", "paper-100"]
+    assert shipped_plans() == ["certifiable", "demo", "paper", "paper-100"]
     paper, hundred = load_plan("paper"), load_plan("paper-100")
     assert paper == Study(name="paper")
     assert paper.setups == tuple(PAPER_SETUPS.values())

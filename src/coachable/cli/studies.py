@@ -14,7 +14,8 @@ from coachable.errors import CoachableError
 
 def study(
     plan: Annotated[
-        Positional[str], arg(metavar="PLAN", help="paper, paper-100, demo, or a TOML file of your own.")
+        Positional[str],
+        arg(metavar="PLAN", help="paper, paper-100, certifiable, demo, or a TOML file of your own."),
     ],
     out: Annotated[Path | None, option("DIR", "The run folder.", otherwise="runs/PLAN")] = None,
     semantics: Annotated[
