@@ -13,6 +13,7 @@ import csv
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -157,7 +158,7 @@ def main() -> None:
         writer.writeheader()
         for some in every:
             writer.writerows(map(_plain, some))
-    (arguments.out / "table.md").write_text(markdown(every), encoding="utf-8")
+    (arguments.out / "walkers.md").write_text(markdown(every), encoding="utf-8")
     tried = [some for some in every if any(one.proven is not None for one in some)]
     for suffix in ("svg", "png"):
         draw(tried, arguments.out / f"certifiable.{suffix}")
@@ -182,7 +183,7 @@ def _unsquashed(policy: Policy) -> Policy:
     )
 
 
-def _gait(passport: Passport) -> dict[str, object]:
+def _gait(passport: Passport) -> dict[str, Any]:
     found, certificate, steps = passport.stability, passport.certificate, passport.orbits.touchdown.num_steps
     return {
         "num_steps": steps,

@@ -273,7 +273,7 @@ def squared_slope(
     means, pull_back = jax.vjp(networks.means, observations)
     # A column's mean depends on no other column, so one pull-back gives a row of every column's Jacobian.
     rows = [pull_back(jnp.zeros_like(means).at[action].set(1.0))[0] for action in range(len(means))]
-    return sum(jnp.square(row).sum(axis=0) for row in rows)
+    return jnp.asarray(sum(jnp.square(row).sum(axis=0) for row in rows))
 
 
 def gaussian_log_probability(
