@@ -124,8 +124,10 @@ def test_the_survey_measures_every_episode(run, capsys):
     assert gaits["environment"][row] == pytest.approx(first.environment_return)
     table = (run.path / "gaits.md").read_text()
     for words in ("gaits of the seeds", "environment's return", "0.1 m/s after", "fell [%]"):
-        assert words in table and words in told
-    assert Image.open(run.path / "footfalls.png").width > 1000
+        assert words in table
+        assert words in told
+    with Image.open(run.path / "footfalls.png") as picture:
+        assert picture.width > 1000
 
 
 def test_a_run_that_was_not_surveyed_says_what_to_do(run, tmp_path):
@@ -166,6 +168,7 @@ def test_what_cannot_be_recorded_or_measured_is_said(run, tmp_path, monkeypatch,
 
 def test_a_strobe_picture_of_a_robot_is_drawn(run, tmp_path):
     cli.main(["watch", str(run.path), "--setup", "both", "-o", str(tmp_path / "strobe.png")])
-    picture = np.asarray(Image.open(tmp_path / "strobe.png").convert("RGB")).reshape(-1, 3)
+    with Image.open(tmp_path / "strobe.png") as opened:
+        picture = np.asarray(opened.convert("RGB")).reshape(-1, 3)
     for colour in ((0x00, 0x72, 0xB2), (0xE0, 0x7B, 0x00), (0x22, 0x22, 0x22)):
         assert (picture == colour).all(axis=1).sum() > 100, "the latest pose: right leg, left leg, torso"

@@ -164,9 +164,11 @@ def walk_episodes(env: gymnasium.Env, policy: Policy, count: int, outside: int) 
 
 
 def actor(policy: Policy) -> Callable[[np.ndarray], np.ndarray]:
-    """The policy as a function of an observation, compiled."""
-    run = eqx.filter_jit(lambda policy, x: policy(x))
-    return lambda observation: np.asarray(run(policy, np.asarray(observation, np.float32)))
+    """The policy as a function of an observation, compiled once for all policies of its shape."""
+    return lambda observation: np.asarray(_act(policy, np.asarray(observation, np.float32)))
+
+
+_act = eqx.filter_jit(lambda policy, observation: policy(observation))
 
 
 def with_share(columns: Columns) -> Columns:

@@ -18,6 +18,7 @@ from coachable.envs.environment_signals import reader_of_one, time_step
 from coachable.envs.limbs import Limbs
 from coachable.envs.signals import SIGNAL_PACKS, signal_pack
 from coachable.errors import ParameterError, PlanError
+from coachable.learning.policy import Policy
 from coachable.studies.store import TrainingRun, Which
 from coachable.studies.training_lane import EVALUATION_SEED, OWN, actor, make_env, signal_functions
 
@@ -75,9 +76,10 @@ def rendered_walk(run: TrainingRun, setup: str, seed: int, which: Which, seconds
     """
     if sys.platform == "linux" and not os.environ.get("DISPLAY"):
         os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo would look for a window
+    policy = run.policy(setup, seed, which)
     env = make_env(run.plan, run.plan.setup(setup), run.behaviour, render_mode="rgb_array")
     dt = time_step(env) or UNKNOWN_DT
-    steps = _steps(run, env, setup, seed, which, 0, seconds / dt)
+    steps = _steps(env, policy, 0, seconds / dt)
     pictures, phases = zip(*((_picture(env), step.phase) for step in steps), strict=True)
     env.close()
     return RenderedWalk(
@@ -98,7 +100,7 @@ def recorded_walk(
     **Raises:** `RunFolderError` if the run has no such lane, `ParameterError` if its environment does not say
     how long a step lasts.
     """
-    plan = run.plan
+    plan, policy = run.plan, run.policy(setup, seed, which)
     env = make_env(plan, plan.setup(setup), run.behaviour)
     dt = _seconds_a_step(env, plan.env)
     has_pack = not plan.signals and plan.env in SIGNAL_PACKS
@@ -106,7 +108,7 @@ def recorded_walk(
     read = reader_of_one(env, tuple(signal.name for signal in signals), signal_functions(plan))
     limbs = Limbs.of(env)
     rows, ends, steps = [], [], []
-    for step in _steps(run, env, setup, seed, which, episode, seconds / dt):
+    for step in _steps(env, policy, episode, seconds / dt):
         steps.append(step)
         rows.append(read(step.observation, step.info))
         if limbs is not None:
@@ -156,17 +158,9 @@ class _Step(NamedTuple):
     terminated: bool
 
 
-def _steps(
-    run: TrainingRun,
-    env: gymnasium.Env,
-    setup: str,
-    seed: int,
-    which: Which,
-    episode: int,
-    most_steps: float,
-) -> Iterator[_Step]:
+def _steps(env: gymnasium.Env, policy: Policy, episode: int, most_steps: float) -> Iterator[_Step]:
     """The start of an episode, and step after step of it, while the environment is as that step left it."""
-    act = actor(run.policy(setup, seed, which))
+    act = actor(policy)
     observation, info = env.reset(seed=EVALUATION_SEED + episode)
     yield _Step(observation, info, info["behaviour"]["location"], False, 0.0, 0.0, False)
     count, over = 0, False
