@@ -59,13 +59,15 @@ class MujocoSimulation:
             pressing, data = self._pressing, self.data
             pressing.clear()
             if data.ncon:
-                for index, pair in enumerate(data.contact.geom.tolist()):
-                    if self.floor in pair:
-                        self._contact_force(self.model, data, index, self._force)
-                        normal_force = self._force.item(0)
+                model, floor, force = self.model, self.floor, self._force
+                for index, (geom, other) in enumerate(data.contact.geom.tolist()):
+                    if other == floor:
+                        geom, other = other, geom
+                    if geom == floor:
+                        self._contact_force(model, data, index, force)
+                        normal_force = force.item(0)
                         if normal_force > 0:
-                            for geom in pair:
-                                pressing[geom] = pressing.get(geom, 0.0) + normal_force
+                            pressing[other] = pressing.get(other, 0.0) + normal_force
 
 
 def joint(name: str, sign: int = 1) -> ReadingOf:

@@ -58,8 +58,10 @@ class SignalPack:
         simulation = self.simulation_of(env)
         readings = [(name, probes[name].of(simulation)) for name in names]
 
+        look = simulation.look
+
         def read(observation: Any, info: Mapping[str, Any]) -> dict[str, float]:
-            simulation.look()
+            look()
             return {name: reading() for name, reading in readings}
 
         return read
