@@ -377,7 +377,34 @@ def test_files_that_include_one_another_are_read_once(tmp_path):
     (tmp_path / "robot.vocabulary").write_text('include "x.vocabulary"\ninclude "y.vocabulary"\n')
     (tmp_path / "x.vocabulary").write_text(FRAGMENT)
     (tmp_path / "y.vocabulary").write_text('include "x.vocabulary"\nconstants\n  near = 1\n')
-    assert [c.name for c in parse(INCLUDING, tmp_path).constants] == ["near"]
+    assert [c.name for c in parse(INCLUDING + "  B: x < near\n", tmp_path).constants] == ["near"]
+
+
+def test_of_an_included_file_only_what_is_used_is_taken(tmp_path):
+    rich = """
+signals
+  x [m]
+  speed = d/dt x [m/s]
+  y [m]
+  z [m]
+constants
+  far = 1 [m]
+  away = 2 [m]
+vocabulary
+  far out     means  x > far
+  going       means  speed > 0
+  gone        means  going and far out
+  high        means  y > away
+"""
+    (tmp_path / "robot.vocabulary").write_text(rich)
+    used = parse('behaviour "b"\ninclude "robot.vocabulary"\nphases\n  A: gone\n', tmp_path)
+    assert used.signal_names == ("x", "speed")
+    assert [constant.name for constant in used.constants] == ["far"]
+    assert [phrase.words for phrase in used.vocabulary] == ["far out", "going", "gone"]
+    only_speed = parse('behaviour "b"\ninclude "robot.vocabulary"\nphases\n  A: going\n', tmp_path)
+    assert only_speed.signal_names == ("x", "speed"), "what it is the derivative of stays"
+    own = f'behaviour "b"\n{rich}phases\n  A: gone\n'
+    assert parse(own).signal_names == ("x", "speed", "y", "z"), "what a text itself declares stays"
 
 
 @pytest.mark.parametrize(

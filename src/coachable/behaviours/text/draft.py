@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from coachable.behaviours.behaviour import Edge, Phase
 from coachable.behaviours.expressions import Constant
-from coachable.behaviours.predicates import Phrase, Signal
+from coachable.behaviours.predicates import Phrase, Signal, constants_of, phrases_of, signals_of
 from coachable.behaviours.rewriting import normal_form
 from coachable.behaviours.text.meaning import Meaning
 from coachable.behaviours.text.mirror import Mirror
@@ -34,6 +36,33 @@ class Draft:
     def constant_of(self) -> dict[str, Constant]:
         """The constants by name."""
         return {name: constant for name, (constant, _) in self.constants.items()}
+
+
+def drop_unused(draft: Draft, own: Sequence[Statement]) -> None:
+    """Leave out signals, constants and phrases that only included files declare and nothing makes use of.
+
+    So whoever uses the behaviour need not give signals of which only the vocabulary speaks.
+
+    **Arguments:** `own`, the statements of the text itself.
+    """
+    stays = {id(statement) for statement in own}
+    predicates = [phase.predicate for phase, _ in draft.phases.values()]
+    predicates += [phrase.predicate for phrase, said in draft.phrases.values() if id(said) in stays]
+    signals = {name for predicate in predicates for name in signals_of(predicate)}
+    for signal, said in draft.signals.values():
+        if signal.derivative_of and (signal.name in signals or id(said) in stays):
+            signals.add(signal.derivative_of)
+    constants = {constant.name for predicate in predicates for constant in constants_of(predicate)}
+    phrases = {phrase.words for predicate in predicates for phrase in phrases_of(predicate)}
+    _keep(draft.signals, signals, stays)
+    _keep(draft.constants, constants, stays)
+    _keep(draft.phrases, phrases, stays)
+
+
+def _keep(declared: dict[str, tuple[Any, Statement]], used: set[str], stays: set[int]) -> None:
+    for name, (_, said) in list(declared.items()):
+        if name not in used and id(said) not in stays:
+            del declared[name]
 
 
 def add_images(draft: Draft, mirror: Mirror, meaning: Meaning, mistakes: Mistakes) -> None:

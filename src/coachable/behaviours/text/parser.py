@@ -11,7 +11,7 @@ from lark import Token
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.names import flaw_of_word
-from coachable.behaviours.text.draft import Draft
+from coachable.behaviours.text.draft import Draft, drop_unused
 from coachable.behaviours.text.lines import Row, rows_of
 from coachable.behaviours.text.mirror import Mirror
 from coachable.behaviours.text.mistakes import Mistakes, Place
@@ -68,6 +68,7 @@ def read(text: str, name: str, directory: Path | str | None = None) -> Reading:
     people_say = None if outside is None else _quoted(outside, mistakes)
     if mistakes:
         mistakes.stop()
+    drop_unused(draft, statements)
     try:
         behaviour = Behaviour(
             name=called,
