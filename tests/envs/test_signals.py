@@ -16,7 +16,7 @@ def test_a_pack_says_what_its_signals_are(name):
     for signal in signals:
         assert signal.description
         assert signal.unit in (
-            {"", "m", "rad", "N"} if signal.derivative_of is None else {"m/s", "rad/s"}
+            {"", "m", "rad", "N", "W"} if signal.derivative_of is None else {"m/s", "rad/s"}
         ) or ((name, signal.name) == ("BipedalWalker-v3", "vertical_speed"))
         if signal.derivative_of is not None:
             integral = signals[names.index(signal.derivative_of)]

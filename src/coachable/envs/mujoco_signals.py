@@ -39,6 +39,9 @@ def _foot(prefix: str, foot: str, ahead_of_hip: ReadingOf) -> tuple[Probe, ...]:
 _TORSO = (
     probe("torso_x", "m", "where the torso is, forward from the start of the world", torso(X)),
     probe("torso_height", "m", "of the middle of the torso over the floor", torso(Z)),
+)
+
+_EFFORT = (
     probe("power", "W", "of all motors, what they brake counted as what they drive", motor_power),
     probe("weight", "N", "of the robot", weight),
 )
@@ -123,13 +126,13 @@ def _humanoid_leg(side: str) -> tuple[Probe, ...]:
     )
 
 
-WALKER_2D = (*_PLANAR, *_leg("left_", "_left"), *_leg("right_", ""))
+WALKER_2D = (*_PLANAR, *_leg("left_", "_left"), *_leg("right_", ""), *_EFFORT)
 """Walker2d. Its hips go from −150° to 0: a thigh comes to the front only where the torso leans back."""
 
-HOPPER = (*_PLANAR, *_leg("", ""))
+HOPPER = (*_PLANAR, *_leg("", ""), *_EFFORT)
 """Hopper: the walker's signals with one leg, so without left and right."""
 
-HALF_CHEETAH = (*_PLANAR, *_cheetah_leg("back_", "b"), *_cheetah_leg("front_", "f"))
+HALF_CHEETAH = (*_PLANAR, *_cheetah_leg("back_", "b"), *_cheetah_leg("front_", "f"), *_EFFORT)
 """HalfCheetah: a back and a front leg."""
 
 HUMANOID = (
@@ -145,5 +148,6 @@ HUMANOID = (
     *angle("yaw", "positive: turned left, from facing along x", attitude(yaw), attitude_rate(2)),
     *_humanoid_leg("left"),
     *_humanoid_leg("right"),
+    *_EFFORT,
 )
 """Humanoid: torso and legs; it has no ankles, and its arms and waist are left out."""
