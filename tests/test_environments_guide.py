@@ -6,12 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from coachable import cli
 from coachable.behaviours.text.document import formatted_file
-from coachable.studies import sb3_lane, training_runner, training_walks
+from coachable.studies import sb3_lane, training_runner
 
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")
@@ -51,7 +50,6 @@ def test_its_commands_run(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     monkeypatch.setattr(sb3_lane, "SECONDS_BETWEEN_CHECKPOINTS", 1e9)
     monkeypatch.setattr(training_runner, "run_lanes", one_after_another)
-    monkeypatch.setattr(training_walks, "_picture", lambda env: np.zeros((48, 48, 3), np.uint8))
     commands = [line for kind, _, text in BLOCKS if kind == "sh" for line in text.splitlines()]
     assert len(commands) == 4
     for command in commands:

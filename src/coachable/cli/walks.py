@@ -86,21 +86,24 @@ def watch(
 def _draw_robot(
     run: TrainingRun, setup: str, seeds: list[int], which: Which, seconds: float, out: Path
 ) -> None:
-    """A film as the environment draws it, or a strobe picture of the last two seconds."""
+    """A film, or a strobe picture of the end; only MuJoCo's robots are not drawn by their environment."""
     from coachable.studies.training_walks import recorded_walk, rendered_walk
+    from coachable.viewing.rendered import draw_rendered
+    from coachable.viewing.robot_strobe import robot_strobe
+    from coachable.viewing.side_view import SideView
     from coachable.viewing.watch import PICTURES
 
+    recorded = [recorded_walk(run, setup, number, which, seconds=seconds) for number in seeds]
     if out.suffix.lower() in PICTURES:
         from coachable.style import save
-        from coachable.viewing.robot_strobe import robot_strobe
 
-        recorded = [recorded_walk(run, setup, number, which, seconds=seconds) for number in seeds]
         save(robot_strobe({walk.title: walk for walk in recorded}), out)
         return
-    from coachable.viewing.rendered import draw_rendered
-
-    rendered = [rendered_walk(run, setup, number, which, seconds) for number in seeds]
-    draw_rendered(rendered, out, run.behaviour.phases)
+    views = [
+        SideView.of(walk) or rendered_walk(run, setup, number, which, seconds)
+        for number, walk in zip(seeds, recorded, strict=True)
+    ]
+    draw_rendered(views, out, run.behaviour.phases)
 
 
 def record(

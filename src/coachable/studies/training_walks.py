@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import gymnasium
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
+from PIL import Image
 
 from coachable.behaviours.behaviour import Phase
 from coachable.behaviours.predicates import Signal
@@ -36,6 +37,10 @@ class RenderedWalk:
     pictures: UInt8[np.ndarray, "samples height width 3"]
     phase: Int[np.ndarray, " samples"]
     """Location in the behaviour: 0 … K−1, or K outside all K phases."""
+
+    def picture(self, sample: int) -> Image.Image:
+        """What it looks like at a sample."""
+        return Image.fromarray(self.pictures[sample])
 
 
 @dataclass(frozen=True, eq=False)

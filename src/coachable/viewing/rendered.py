@@ -1,4 +1,4 @@
-"""Frames of walks that an environment has drawn itself: its picture, the phase, the time."""
+"""Frames of a robot's walk: what it looks like, the phase, the time."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ from coachable.drawing.stage import NamedPhase
 from coachable.errors import CoachableError
 from coachable.style import FAINT, INK, PAGE, phase_colours
 from coachable.viewing.animation import write_film
+from coachable.viewing.side_view import SIDE
 from coachable.viewing.walk import runs_of
 
-_SIDE = 360
-"""Of a picture in a frame [pixels]."""
 _WORDS = 56
 """Height of what is below it: the phase, and the phases over time."""
 _MARGIN = 12
@@ -26,7 +25,7 @@ _MARGIN = 12
 
 @runtime_checkable
 class Rendered(Protocol):
-    """A walk as its environment draws it."""
+    """A walk, and what it looks like."""
 
     @property
     def title(self) -> str:
@@ -38,9 +37,8 @@ class Rendered(Protocol):
         """Of every picture [s]."""
         ...
 
-    @property
-    def pictures(self) -> np.ndarray:
-        """(samples, height, width, 3), 0 … 255."""
+    def picture(self, sample: int) -> Image.Image:
+        """What it looks like at a sample."""
         ...
 
     @property
@@ -70,30 +68,30 @@ class RenderedScene:
     def frame(self, time: float) -> Image.Image:
         """The picture at a time [s]; a walk that has ended stays as it ended."""
         sample = max(0, int(np.searchsorted(self.walk.time, time + 1e-6, side="right")) - 1)
-        sheet = Image.new("RGB", (_SIDE, _SIDE + _WORDS), PAGE)
-        picture = Image.fromarray(self.walk.pictures[sample])
-        picture.thumbnail((_SIDE, _SIDE), Image.Resampling.LANCZOS)
-        sheet.paste(picture, ((_SIDE - picture.width) // 2, (_SIDE - picture.height) // 2))
-        sheet.paste(self._words(sample), (0, _SIDE))
+        sheet = Image.new("RGB", (SIDE, SIDE + _WORDS), PAGE)
+        picture = self.walk.picture(sample)
+        picture.thumbnail((SIDE, SIDE), Image.Resampling.LANCZOS)
+        sheet.paste(picture, ((SIDE - picture.width) // 2, (SIDE - picture.height) // 2))
+        sheet.paste(self._words(sample), (0, SIDE))
         return sheet
 
     def _words(self, sample: int) -> Image.Image:
-        words = Image.new("RGB", (FINER * _SIDE, FINER * _WORDS), PAGE)
+        words = Image.new("RGB", (FINER * SIDE, FINER * _WORDS), PAGE)
         pen, colours = Pen(words), phase_colours(len(self.phases))
         location = int(self.walk.phase[sample])
         inside = location < len(self.phases)
         title = (self.phases[location].title or self.phases[location].name) if inside else "in no phase"
         pen.box(_MARGIN, 8, _MARGIN + 16, 24, colours[location], corner=4)
         pen.text((_MARGIN + 24, 16), title, 12, INK, "lm")
-        pen.text((_SIDE - _MARGIN, 16), f"{self.walk.time[sample]:.2f} s", 12, INK, "rm")
+        pen.text((SIDE - _MARGIN, 16), f"{self.walk.time[sample]:.2f} s", 12, INK, "rm")
         count = max(1, len(self.walk.phase))
-        width = _SIDE - 2 * _MARGIN
+        width = SIDE - 2 * _MARGIN
         for phase, start, stop in runs_of(self.walk.phase):
             left, right = (_MARGIN + width * index / count for index in (start, stop))
             pen.box(left, 34, right, 42, colours[phase])
         now = _MARGIN + width * sample / count
         pen.box(now - 1, 32, now + 1, 44, INK)
-        pen.text((_SIDE / 2, 50), self.walk.title, 10, FAINT, "mm")
+        pen.text((SIDE / 2, 50), self.walk.title, 10, FAINT, "mm")
         return words.reduce(FINER)
 
 
@@ -106,11 +104,11 @@ class RenderedFilm:
     @property
     def size(self) -> tuple[int, int]:
         """Of a frame [pixels]."""
-        return _SIDE * len(self.scenes), _SIDE + _WORDS
+        return SIDE * len(self.scenes), SIDE + _WORDS
 
     def frame(self, time: float) -> Image.Image:
         """The picture at a time [s]."""
         sheet = Image.new("RGB", self.size, PAGE)
         for place, scene in enumerate(self.scenes):
-            sheet.paste(scene.frame(time), (_SIDE * place, 0))
+            sheet.paste(scene.frame(time), (SIDE * place, 0))
         return sheet
