@@ -182,7 +182,7 @@ def test_a_film_shows_the_robot_where_it_is(run, walk, tmp_path):
     picture = np.asarray(view.picture(sample))
     assert picture.shape == (SIDE, SIDE, 3)
     rows, columns = np.nonzero((picture == (0x00, 0x72, 0xB2)).all(axis=2))
-    right = [index for index, name in enumerate(walk.limbs) if name in ("thigh_geom", "leg_geom", "foot_geom")]
+    right = [walk.limbs.index(name) for name in ("thigh_geom", "leg_geom", "foot_geom")]
     ends, width = np.ptp(view.ends[sample, right], axis=(0, 1)), 2 * view.widths[right].max()
     scale = (np.ptp(columns) + 1) / (ends[0] + width)
     assert np.ptp(rows) + 1 == pytest.approx(scale * (ends[1] + width), rel=0.15)
