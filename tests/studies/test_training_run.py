@@ -228,7 +228,7 @@ def test_a_trained_robot_can_be_watched(run, tmp_path, capsys):
         assert picture.n_frames > 5
     _, err, status = call(capsys, "watch", run.path, "-o", tmp_path / "swing.png")
     assert status == 2
-    assert "take a film" in err
+    assert "in a film: .gif or .mp4" in err
 
 
 def test_commands_for_studies_say_that_this_is_a_training(run, tmp_path, capsys):

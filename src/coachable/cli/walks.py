@@ -87,23 +87,25 @@ def _draw_robot(
     run: TrainingRun, setup: str, seeds: list[int], which: Which, seconds: float, out: Path
 ) -> None:
     """A film, or a strobe picture of the end; only MuJoCo's robots are not drawn by their environment."""
-    from coachable.studies.training_walks import recorded_walk, rendered_walk
+    from coachable.studies.training_walks import has_limbs, recorded_walk, rendered_walk
+    from coachable.style import save
     from coachable.viewing.rendered import draw_rendered
     from coachable.viewing.robot_strobe import robot_strobe
     from coachable.viewing.side_view import SideView
     from coachable.viewing.watch import PICTURES
 
-    recorded = [recorded_walk(run, setup, number, which, seconds=seconds) for number in seeds]
-    if out.suffix.lower() in PICTURES:
-        from coachable.style import save
-
-        save(robot_strobe({walk.title: walk for walk in recorded}), out)
+    is_picture = out.suffix.lower() in PICTURES
+    if not has_limbs(run):
+        if is_picture:
+            raise PlanError(f"{run.plan.env} can only be drawn by itself, in a film: .gif or .mp4")
+        drawn = [rendered_walk(run, setup, number, which, seconds) for number in seeds]
+        draw_rendered(drawn, out, run.behaviour.phases)
         return
-    views = [
-        SideView.of(walk) or rendered_walk(run, setup, number, which, seconds)
-        for number, walk in zip(seeds, recorded, strict=True)
-    ]
-    draw_rendered(views, out, run.behaviour.phases)
+    views = [SideView.of(recorded_walk(run, setup, number, which, seconds=seconds)) for number in seeds]
+    if is_picture:
+        save(robot_strobe(views), out)
+    else:
+        draw_rendered(views, out, run.behaviour.phases)
 
 
 def record(

@@ -8,33 +8,38 @@ import gymnasium
 import numpy as np
 from jaxtyping import Float
 
-from coachable.envs.mujoco_probes import MujocoSimulation
-
 
 class Limbs:
     """The capsules and spheres of a robot, by the names of their geoms."""
 
-    def __init__(self, simulation: MujocoSimulation):
-        model, kinds = simulation.model, simulation.mujoco.mjtGeom
-        drawn = np.isin(model.geom_type, [kinds.mjGEOM_CAPSULE, kinds.mjGEOM_SPHERE])
+    def __init__(self, model: Any, data: Any):
+        import mujoco
+
+        lib: Any = mujoco  # it has no type stubs
+        drawn = np.isin(model.geom_type, [lib.mjtGeom.mjGEOM_CAPSULE, lib.mjtGeom.mjGEOM_SPHERE])
         self._geoms = np.flatnonzero(drawn)
-        self._simulation, self._now = simulation, simulation.now
         self.names = tuple(model.geom(int(geom)).name for geom in self._geoms)
         sizes = model.geom_size[self._geoms]
         self.radii: Float[np.ndarray, " limbs"] = sizes[:, 0].copy()
         """[m]"""
-        is_capsule = model.geom_type[self._geoms] == kinds.mjGEOM_CAPSULE
+        is_capsule = model.geom_type[self._geoms] == lib.mjtGeom.mjGEOM_CAPSULE
         self._half_lengths = np.where(is_capsule, sizes[:, 1], 0.0)
+        self._model, self._data, self._place = model, data, lib.mj_kinematics
+        self._now = lib.MjData(model)  # the environment's own is a small step behind; see MujocoSimulation
 
     @staticmethod
     def of(env: gymnasium.Env) -> Limbs | None:
-        """The limbs of an environment's robot; `None` if it is not MuJoCo's."""
+        """The limbs of an environment's robot; `None` if it is not MuJoCo's, or has none of these shapes."""
         base: Any = env.unwrapped
-        return Limbs(MujocoSimulation(env)) if hasattr(base, "model") and hasattr(base, "data") else None
+        if not (hasattr(base, "model") and hasattr(base, "data") and hasattr(base.model, "geom_type")):
+            return None
+        limbs = Limbs(base.model, base.data)
+        return limbs if limbs.names else None
 
     def ends(self) -> Float[np.ndarray, "limbs 2 3"]:
         """Where both ends of each axis are at this moment [m]."""
-        self._simulation.look()
+        self._now.qpos[:] = self._data.qpos
+        self._place(self._model, self._now)
         middles = self._now.geom_xpos[self._geoms]
         axes = self._now.geom_xmat[self._geoms].reshape(-1, 3, 3)[:, :, 2] * self._half_lengths[:, None]
         return np.stack([middles - axes, middles + axes], axis=1)

@@ -107,7 +107,9 @@ def recorded_walk(
     """
     plan, policy = run.plan, run.policy(setup, seed, which)
     env = make_env(plan, plan.setup(setup), run.behaviour)
-    dt = _seconds_a_step(env, plan.env)
+    dt = time_step(env)
+    if dt is None:
+        raise ParameterError(f"{plan.env} does not say how long a step lasts: it has no dt and no render_fps")
     has_pack = not plan.signals and plan.env in SIGNAL_PACKS
     signals = signal_pack(plan.env).signals if has_pack else run.behaviour.signals
     read = reader_of_one(env, tuple(signal.name for signal in signals), signal_functions(plan))
@@ -134,23 +136,13 @@ def recorded_walk(
     )
 
 
-def seconds_a_step(run: TrainingRun) -> float:
-    """The time between two steps of a training's environment [s].
-
-    **Raises:** `ParameterError` if the environment does not say it.
-    """
+def has_limbs(run: TrainingRun) -> bool:
+    """Whether recorded walks of a training's robot tell where its limbs are."""
     env = make_env(run.plan, run.plan.setups[0], run.behaviour)
     try:
-        return _seconds_a_step(env, run.plan.env)
+        return Limbs.of(env) is not None
     finally:
         env.close()
-
-
-def _seconds_a_step(env: gymnasium.Env, name: str) -> float:
-    dt = time_step(env)
-    if dt is None:
-        raise ParameterError(f"{name} does not say how long a step lasts: it has no dt and no render_fps")
-    return dt
 
 
 class _Step(NamedTuple):

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from coachable.errors import CoachableError
 from coachable.style import FAINT, INK, drawing, phase_colours
-from coachable.viewing.side_view import Limbed, SideView
+from coachable.viewing.side_view import SideView
 from coachable.viewing.strobe import FAINTEST, WIDTH, faded, write
 from coachable.viewing.walk import runs_of
 
@@ -23,19 +22,17 @@ _MARGIN = 0.5
 """To the left and right of the robot [m]."""
 
 
-def robot_strobe(walks: Mapping[str, Limbed], seconds: float = STROBE_SECONDS, every: float = 0.12) -> Figure:
-    """The last seconds of walks by title, one below another at one scale.
+def robot_strobe(views: Sequence[SideView], seconds: float = STROBE_SECONDS, every: float = 0.12) -> Figure:
+    """The last seconds of walks, one below another at one scale.
 
     A pose every `every` seconds, older ones fainter. The strip beneath tells the phases over time.
-
-    **Raises:** `CoachableError` for a robot without limbs to draw.
     """
-    views = {title: _end_of(title, walk, seconds) for title, walk in walks.items()}
-    length = max(np.ptp(view.ends[..., 0]) for view in views.values()) + 2 * _MARGIN
-    above = 1.15 * max(view.height for view in views.values())
+    views = [view.since(float(view.time[-1]) - seconds) for view in views]
+    length = max(np.ptp(view.ends[..., 0]) for view in views) + 2 * _MARGIN
+    above = 1.15 * max(view.height for view in views)
     with drawing():
         figure = Figure(figsize=(WIDTH, len(views) * WIDTH * (_BELOW + above) / length))
-        for row, (title, view) in enumerate(views.items()):
+        for row, view in enumerate(views):
             axes = figure.add_axes((0, 1 - (row + 1) / len(views), 1, 1 / len(views)))
             x = view.ends[..., 0]
             left = (x.min() + x.max() - length) / 2
@@ -44,15 +41,8 @@ def robot_strobe(walks: Mapping[str, Limbed], seconds: float = STROBE_SECONDS, e
             _draw_poses(axes, view, every, WIDTH * 72 / length)
             _draw_ground(axes)
             _draw_phases(axes, view)
-            axes.text(left + 0.1, above - 0.06, title, ha="left", va="top", fontsize=8, color=INK)
+            axes.text(left + 0.1, above - 0.06, view.title, ha="left", va="top", fontsize=8, color=INK)
     return figure
-
-
-def _end_of(title: str, walk: Limbed, seconds: float) -> SideView:
-    view = SideView.of(walk)
-    if view is None:
-        raise CoachableError(f"{title}: this robot cannot be drawn as a strobe picture; take a film")
-    return view.since(float(walk.time[-1]) - seconds)
 
 
 def _draw_poses(axes: Axes, view: SideView, every: float, points_a_metre: float) -> None:

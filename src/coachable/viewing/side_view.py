@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from coachable.drawing.pen import FINER, Pen
 from coachable.drawing.stage import NamedPhase
+from coachable.errors import ParameterError
 from coachable.style import FAINT, HAIRLINE, INK, PAGE, STANCE, SWING
 
 SIDE = 360
@@ -57,7 +58,7 @@ class Limbed(Protocol):
 
     @property
     def ends(self) -> np.ndarray | None:
-        """(samples, limbs, 2, 3): where both ends of each limb's axis are [m]; `None` if nobody knows."""
+        """(samples, limbs, 2, 3): where both ends of each limb's axis are [m]; `None` without limbs."""
         ...
 
     @property
@@ -85,10 +86,13 @@ class SideView:
     """[m]"""
 
     @staticmethod
-    def of(walk: Limbed) -> SideView | None:
-        """`None` for a robot without limbs to draw."""
+    def of(walk: Limbed) -> SideView:
+        """The view of a walk whose robot has limbs.
+
+        **Raises:** `ParameterError` if it has none.
+        """
         if walk.ends is None or walk.radii is None:
-            return None
+            raise ParameterError(f"{walk.title}: nobody knows where the limbs of this robot are")
         ends = walk.ends[..., ::2]
         return SideView(walk.title, walk.time, walk.phase, walk.phases, walk.limbs, ends, walk.radii)
 
