@@ -50,10 +50,10 @@ def two(left, right, **rest):
         (two(0.0, 0.3), "hops on right"),
         (two(0.3, 0.0), "hops on left"),
         (two(0.6, 0.6, speed=0.01), "stands"),
-        (two(1.0, 1.0), "moves"),
+        (two(1.0, 1.0), "shuffles"),
         (Clockwork({"": 0.4}), "hops"),
-        (Clockwork({"": 1.0}), "moves"),
-        (Clockwork({}), "moves"),
+        (Clockwork({"": 1.0}), "shuffles"),
+        (Clockwork({}), "shuffles"),
     ],
 )
 def test_a_gait_is_told_by_when_its_feet_are_on_the_ground(walk, name):
@@ -102,3 +102,11 @@ def test_mirrored_feet_have_the_mirrored_lag_and_all_else_alike():
     assert first["lag"] + second["lag"] == pytest.approx(1.0, abs=0.03)
     for name in ("duty", "flight", "asymmetry", "alternation"):
         assert first[name] == pytest.approx(second[name], rel=0.05, abs=0.02)
+
+
+def test_who_goes_on_one_foot_and_then_the_other_makes_no_strides():
+    walk = two(1.0, 1.0)
+    walk.values["left_foot_contact"] = ((walk.time > 1) & (walk.time < 3)).astype(float)
+    walk.values["right_foot_contact"] = ((walk.time > 3) & (walk.time < 7)).astype(float)
+    assert math.isnan(measures(walk)["lag"])
+    assert gait(walk) == "shuffles"

@@ -92,11 +92,11 @@ def measures(walk: Recorded) -> dict[str, float]:
 
 
 def gait(walk: Recorded) -> str:
-    """The gait in a word: *stands*, *walks*, *runs*, *hops*, *hops on left*, *gallops* …
+    """The gait in a word: *stands*, *walks*, *runs*, *hops*, *hops on left*, *gallops*, *shuffles*.
 
     Of two feet that alternate, half a stride apart within 0.15, a duty factor above ½ makes a walk and one
     below a run (Alexander, Physiological Reviews 1989); together within 0.15 of a stride they hop; in
-    between they gallop. A robot on one foot hops if it flies.
+    between they gallop. A robot on one foot hops if it flies. Who goes without strides shuffles.
     """
     found = measures(walk)
     if not abs(found["speed"]) > SLOWEST:
@@ -105,11 +105,13 @@ def gait(walk: Recorded) -> str:
     counts = {name: len(touchdowns(contact)) for name, contact in contacts.items()}
     total = sum(counts.values())
     if len(counts) != 2 or total < 2:
-        return "hops" if total > 1 and found["flight"] > 0 else "moves"
+        return "hops" if total > 1 and found["flight"] > 0 else "shuffles"
     for name, count in counts.items():
         if count < LEAST_LOADED * total:
             other = next(one for one in counts if one != name)
             return f"hops on {other}"
+    if math.isnan(found["lag"]):
+        return "shuffles"
     apart = abs((found["lag"] + 0.5) % 1 - 0.5)
     if apart > 0.35:
         return "walks" if found["duty"] > 0.5 else "runs"

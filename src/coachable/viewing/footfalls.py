@@ -80,4 +80,5 @@ def _draw(axes: Axes, walk: Footfall, seconds: float) -> None:
 
 
 def _colours(count: int) -> tuple[str, ...]:
-    return (STANCE, SWING) if count == 2 else (STANCE,) * count
+    # The left leg is orange and the right one blue, as in the pictures of robots.
+    return (SWING, STANCE) if count == 2 else (STANCE,) * count
