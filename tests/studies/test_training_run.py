@@ -220,6 +220,13 @@ def test_the_table_of_a_training_is_printed_and_drawn(run, tmp_path, capsys):
         assert picture.size[0] > 1000
 
 
+def test_a_robot_without_feet_has_no_gait(run, capsys):
+    _, err, status = call(capsys, "gait", run.path)
+    assert status == 2
+    assert "no signal that ends in foot_contact" in err
+    assert not (run.path / "gaits.parquet").exists()
+
+
 def test_a_trained_robot_can_be_watched(run, tmp_path, capsys):
     film = tmp_path / "swing.gif"
     _, err, status = call(capsys, "watch", run.path, "--setup", "both", "--seconds", 0.5, "-o", film)

@@ -48,6 +48,36 @@ def tell_gaits(run: TrainingRun, speed: float, folder: Path) -> None:
     dt = float(gaits["dt"][0])
     table.append([f"{speed:g} m/s after", *(_reached(run, name, speed * dt) for name in names)])
     print(f"wrote {tell_table(heading(run), ['', *names], table, NOTE, folder / 'gaits.md')}")
+    lanes = [_lane(gaits, lane.name) for lane in run.lanes]
+    print(f"wrote {tell_table('Seed by seed', LANE_HEADER, lanes, LANE_NOTE, folder / 'gaits-by-seed.md')}")
+
+
+LANE_HEADER = ("lane", "gaits", "speed [m/s]", "follows [%]", "lag", "asymmetry [%]", "fell [%]", "seconds")
+LANE_NOTE = (
+    "Means over a seed's episodes. Lag: when in a stride of the first foot the second one touches down, a "
+    "circular mean; 0.5 if they alternate evenly. Seconds: how long an episode lasted."
+)
+
+
+def _lane(gaits: dict[str, np.ndarray], lane: str) -> list[str]:
+    mine = gaits["lane"] == lane
+    words = Counter(gaits["gait"][mine].tolist()).most_common()
+    turns = np.exp(2j * np.pi * gaits["lag"][mine & ~np.isnan(gaits["lag"])])
+    lag = np.angle(turns.mean()) / (2 * np.pi) % 1 if len(turns) else np.nan
+    numbers = [
+        (gaits["speed"], 1.0),
+        (gaits["follows"], 100.0),
+        (np.full(len(mine), lag), 1.0),
+        (gaits["asymmetry"], 1.0),
+        (gaits["fell"].astype(float), 100.0),
+        (gaits["length"] * gaits["dt"], 1.0),
+    ]
+    found = [values[mine][~np.isnan(values[mine])] for values, _ in numbers]
+    cells = [
+        cell(Estimate(float(some.mean())), factor) if len(some) else "–"
+        for some, (_, factor) in zip(found, numbers, strict=True)
+    ]
+    return [lane, ", ".join(f"{count} {word}" for word, count in words), *cells]
 
 
 def _gaits(run: TrainingRun, gaits: dict[str, np.ndarray], setup: str) -> str:

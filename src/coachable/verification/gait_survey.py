@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from coachable.errors import ParameterError
 from coachable.studies.columns import GAITS, table_of
 from coachable.studies.files import table_bytes, write_atomic
 from coachable.studies.store import TrainingRun, Which
 from coachable.studies.training_walks import RecordedWalk, recorded_walk
-from coachable.verification.gaits import feet, gait, measures
+from coachable.verification.gaits import CONTACT, feet, gait, measures
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,7 @@ def survey(
 
     **Returns:** by setup, the footfalls of each seed's first episode.
 
-    **Raises:** as `recorded_walk`.
+    **Raises:** as `recorded_walk`, and `ParameterError` for a robot whose feet nobody tells of.
     """
     rows: list[dict[str, Any]] = []
     first: dict[str, list[Footfalls]] = {}
@@ -47,6 +48,11 @@ def survey(
         for seed in run.plan.seeds:
             for episode in range(episodes):
                 walk = recorded_walk(run, setup.name, seed, which, episode)
+                if not feet(walk):
+                    raise ParameterError(
+                        f"{run.plan.env} has no signal that ends in {CONTACT}, so its gait cannot be told; "
+                        "give the plan such a signal for every foot, 1 while it is on the ground"
+                    )
                 rows.append({"lane": run.lane(setup.name, seed).name, "episode": episode, **_row(walk)})
                 if episode == 0:
                     shown = Footfalls(f"seed {seed}: {rows[-1]['gait']}", walk.time, feet(walk))
