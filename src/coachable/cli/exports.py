@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from coachable.cli.options import option
+from coachable.cli.options import Clock, ControllerName, LaneSeed, LaneSetup, Which, WhichPolicy, option
 from coachable.errors import CoachableError
 
 if TYPE_CHECKING:
@@ -33,14 +33,11 @@ def export(
             help="x.onnx (the policy alone), x.kyx (KeYmaera X), x.xml (SpaceEx) or x.py (plain Python).",
         ),
     ],
-    setup: Annotated[str | None, option("NAME", "The lane's setup.", otherwise="the plan's first")] = None,
-    seed: Annotated[int | None, option("N", "The lane's seed.", otherwise="the plan's first")] = None,
-    which: Annotated[
-        Literal["last", "best"],
-        arg(help="The policy after the last update, or the one with the best evaluation return."),
-    ] = "last",
+    setup: LaneSetup = None,
+    seed: LaneSeed = None,
+    which: WhichPolicy = "last",
     baseline: Annotated[
-        Literal["virtual-gravity", "constant-torque", "none"] | None,
+        ControllerName | None,
         option(
             "NAME",
             "What drives a behaviour's walker: virtual-gravity, constant-torque or none.",
@@ -48,7 +45,7 @@ def export(
         ),
     ] = None,
     clock: Annotated[
-        Literal["free", "touchdown"] | None,
+        Clock | None,
         option(
             "free|touchdown",
             "Whether a touchdown restarts the sample clock.",
@@ -86,9 +83,7 @@ def export(
     print(f"{out}: {model.name}")
 
 
-def _write_onnx(
-    what: str | None, setup: str | None, seed: int | None, which: Literal["last", "best"], out: Path
-) -> None:
+def _write_onnx(what: str | None, setup: str | None, seed: int | None, which: Which, out: Path) -> None:
     from coachable.learning.onnx_graph import onnx_bytes
     from coachable.studies.files import write_atomic
     from coachable.studies.store import open_run
@@ -105,8 +100,8 @@ def _lane(
     path: Path,
     setup: str | None,
     seed: int | None,
-    which: Literal["last", "best"],
-    clock: Literal["free", "touchdown"] | None,
+    which: Which,
+    clock: Clock | None,
 ) -> Model:
     from coachable.studies.store import load_run
     from coachable.verification.export.model import Model
@@ -125,8 +120,8 @@ def _lane(
 
 def _behaviour(
     name: str,
-    baseline: Literal["virtual-gravity", "constant-torque", "none"] | None,
-    clock: Literal["free", "touchdown"] | None,
+    baseline: ControllerName | None,
+    clock: Clock | None,
 ) -> Model:
     from coachable.behaviours.library import load_behaviour
     from coachable.envs.baselines import WALKING_TORQUE

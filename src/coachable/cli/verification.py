@@ -8,14 +8,21 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from coachable.cli.options import Semantics, option
+from coachable.cli.options import (
+    Clock,
+    ControllerName,
+    LaneSeed,
+    LaneSetup,
+    Semantics,
+    Which,
+    WhichPolicy,
+    option,
+)
 from coachable.errors import CoachableError
 
 if TYPE_CHECKING:
     from coachable.verification.passport import Passport
     from coachable.verification.subject import Subject
-
-ControllerName = Literal["virtual-gravity", "constant-torque", "none"]
 
 
 def verify(
@@ -27,8 +34,8 @@ def verify(
             help_behavior_hint="",
         ),
     ] = None,
-    setup: Annotated[str | None, option("NAME", "The lane's setup.", otherwise="the plan's first")] = None,
-    seed: Annotated[int | None, option("N", "The lane's seed.", otherwise="the plan's first")] = None,
+    setup: LaneSetup = None,
+    seed: LaneSeed = None,
     all: Annotated[
         bool, arg(help="Every lane, or with --setup every seed of it; goes on where it was stopped.")
     ] = False,
@@ -39,15 +46,12 @@ def verify(
             "a search for falls, too, which needs the [verify] extra."
         ),
     ] = "quick",
-    which: Annotated[
-        Literal["last", "best"],
-        arg(help="The policy after the last update, or the one with the best evaluation return."),
-    ] = "last",
+    which: WhichPolicy = "last",
     baseline: Annotated[
         ControllerName, arg(help="Who stands beside the walker in the table of pushes.")
     ] = "virtual-gravity",
     semantics: Annotated[Semantics, arg(help="Of a baseline; a run has its own.")] = "paper",
-    clock: Annotated[Literal["free", "touchdown"], arg(help="Of a baseline; a policy has its own.")] = "free",
+    clock: Annotated[Clock, arg(help="Of a baseline; a policy has its own.")] = "free",
     certify: Annotated[
         bool,
         arg(
@@ -116,7 +120,7 @@ def _subjects(
     run: str,
     setup: str | None,
     seed: int | None,
-    which: Literal["last", "best"],
+    which: Which,
     baseline: ControllerName,
     *,
     every: bool,

@@ -1,19 +1,26 @@
-"""Look at walks: watch, baseline."""
+"""Look at walks: watch, record, gait, baseline."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from coachable.cli.options import Semantics, json_text, option
+from coachable.cli.options import (
+    ControllerName,
+    LaneSeed,
+    LaneSetup,
+    Semantics,
+    Which,
+    WhichPolicy,
+    json_text,
+    option,
+)
 from coachable.errors import PlanError
 
 if TYPE_CHECKING:
-    from coachable.studies.store import TrainingRun, Which
-
-ControllerName = Literal["virtual-gravity", "constant-torque", "none"]
+    from coachable.studies.store import TrainingRun
 
 
 def watch(
@@ -28,15 +35,12 @@ def watch(
         Path,
         arg(aliases=["-o"], metavar="FILE", help="gait.gif, gait.mp4 (needs the [video] extra) or gait.png."),
     ],
-    setup: Annotated[str | None, option("NAME", "The lane's setup.", otherwise="the plan's first")] = None,
+    setup: LaneSetup = None,
     seed: Annotated[
         tuple[int, ...] | None,
         option("N [N …]", "The lane's seed; several walk side by side.", otherwise="the plan's first"),
     ] = None,
-    which: Annotated[
-        Literal["last", "best"],
-        arg(help="The policy after the last update, or the one with the best evaluation return."),
-    ] = "last",
+    which: WhichPolicy = "last",
     seconds: Annotated[float, arg(help="How much of the walk.")] = 10.0,
     semantics: Annotated[Semantics, arg(help="Of a baseline; a run has its own.")] = "paper",
 ) -> None:
@@ -111,12 +115,9 @@ def _draw_robot(
 def record(
     run: Annotated[Positional[Path], arg(metavar="RUN", help="The folder of a training.")],
     out: Annotated[Path, arg(aliases=["-o"], metavar="FILE", help="walk.csv, walk.csv.gz or walk.parquet.")],
-    setup: Annotated[str | None, option("NAME", "The lane's setup.", otherwise="the plan's first")] = None,
-    seed: Annotated[int | None, option("N", "The lane's seed.", otherwise="the plan's first")] = None,
-    which: Annotated[
-        Literal["last", "best"],
-        arg(help="The policy after the last update, or the one with the best evaluation return."),
-    ] = "last",
+    setup: LaneSetup = None,
+    seed: LaneSeed = None,
+    which: WhichPolicy = "last",
     episode: Annotated[int, arg(metavar="N", help="Which of its evaluation episodes.")] = 0,
 ) -> None:
     """Record what a trained robot's signals are while it goes: a column each, for `coachable explain`.
@@ -142,10 +143,7 @@ def record(
 def gait(
     run: Annotated[Positional[Path], arg(metavar="RUN", help="The folder of a training.")],
     episodes: Annotated[int, arg(metavar="N", help="Episodes a lane, each from another start.")] = 10,
-    which: Annotated[
-        Literal["last", "best"],
-        arg(help="The policies after the last update, or those with the best evaluation return."),
-    ] = "last",
+    which: WhichPolicy = "last",
     speed: Annotated[float, arg(metavar="V", help="For how soon it was reached [m/s].")] = 1.0,
     out: Annotated[Path | None, option("DIR", "Where the table and the diagram go.", otherwise="RUN")] = None,
 ) -> None:
