@@ -48,6 +48,8 @@ walker2d: $(DEV)
 	@$(BIN)/coachable gait runs/walker2d-walk
 	@$(BIN)/coachable train experiments/walker2d/hop.toml --out runs/walker2d-hop $(ARGS)
 	@$(BIN)/coachable gait runs/walker2d-hop
+	@$(BIN)/coachable train experiments/walker2d/hop-described.toml --out runs/walker2d-hop-described $(ARGS)
+	@$(BIN)/coachable gait runs/walker2d-hop-described
 
 # The default folder, unless ARGS names one.
 out = $(if $(filter --out --out=%,$(ARGS)),,--out $(1))
