@@ -167,6 +167,41 @@ def test_evaluations_know_how_often_weights_change():
     assert pauses == [0, 8, 16, 24, 32]
 
 
+def learnt(trainer, **settings):
+    # A learner seeds random generators that are everybody's.
+    lane = learner(trainer, **settings)
+    lane.learn(40, lambda: None)
+    return lane.arrays()
+
+
+@pytest.mark.parametrize("trainer", ["sb3-sac", "sb3-td3"])
+def test_hastened_updates_are_those_of_the_defaults_but_for_rounding(trainer):
+    kinds = SMALL[trainer].get("policy_kwargs", {})
+    ours, theirs = (
+        learnt(trainer, policy_kwargs=kinds | {"optimizer_kwargs": arguments})
+        for arguments in ({}, {"fused": False})
+    )
+    assert ours["n_updates"] == theirs["n_updates"] > 0
+    for name in ours:
+        if name.startswith("policy/"):
+            np.testing.assert_allclose(ours[name], theirs[name], atol=1e-5, err_msg=name)
+
+
+def test_moments_of_dead_units_become_zero_and_not_subnormal():
+    lane, moment = learner("sb3-sac"), "actor.optimizer/0/exp_avg"
+    lane.learn(40, lambda: None)
+    arrays = lane.arrays()
+    # The unit's weights see no gradient any more, and its moment is the least number above zero, which
+    # nine tenths of it are rounded to.
+    arrays["policy/actor.latent_pi.0.bias"][0] = -1e3
+    arrays[moment][0] = np.uint32(1).view(np.float32)
+    lane.restore(arrays)
+    lane.learn(42, lambda: None)
+    bits = lane.arrays()[moment].view(np.uint32)
+    assert (bits[0] << 1 == 0).all()
+    assert bits[1:].any()
+
+
 def test_a_policy_without_hidden_layers_is_a_line():
     lane = learner("sb3-ppo", policy_kwargs={"net_arch": []})
     assert len(lane.policy().weights) == 1
