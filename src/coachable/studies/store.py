@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -36,16 +36,49 @@ Plan = TypeVar("Plan", "Study", "Training")
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
-    """What a study left in its folder, complete or under way. Reading changes nothing.
+class StoredRun(Generic[Plan]):
+    """What was left in a folder, complete or under way. Reading changes nothing.
 
     Every method raises `RunFolderError` naming the file that is missing or damaged.
     """
 
     path: Path
-    plan: Study
+    plan: Plan
     behaviour: Behaviour
     manifest: Mapping[str, Any]
+
+    @property
+    def status(self) -> str:
+        """`running`, `interrupted` or `complete`. A run whose process was killed still says `running`."""
+        return self.manifest["status"]
+
+    @property
+    def lanes(self) -> tuple[Lane, ...]:
+        """Every (setup, seed), setup by setup."""
+        return self.plan.lanes
+
+    def lane(self, setup: str, seed: int) -> Lane:
+        """The lane of this setup and seed, which the plan must have."""
+        names = [s.name for s in self.plan.setups]
+        if setup not in names:
+            raise RunFolderError(f"{self.path} has no setup {setup!r}; {suggestion(setup, names)}")
+        if seed not in self.plan.seeds:
+            seeds = self.plan.seeds
+            raise RunFolderError(f"{self.path} has no seed {seed}; it has {seeds[0]} to {seeds[-1]}")
+        return Lane(setup, seed)
+
+    def policy(self, setup: str, seed: int, which: Which = "last") -> Policy:
+        """The lane's learned controller: the `last`, or the `best` by evaluation return."""
+        return self._files.policy(self.lane(setup, seed), which)
+
+    @property
+    def _files(self) -> RunFiles:
+        return RunFiles(self.path, self.manifest)
+
+
+@dataclass(frozen=True, eq=False)
+class Run(StoredRun[Study]):
+    """What a study of the compass walker left in its folder."""
 
     @staticmethod
     def open(path: str | Path) -> Run:
@@ -59,16 +92,6 @@ class Run:
         return Run(files.path, files.plan(parse_plan), files.behaviour(), files.manifest)
 
     @property
-    def status(self) -> str:
-        """`running`, `interrupted` or `complete`. A run whose process was killed still says `running`."""
-        return self.manifest["status"]
-
-    @property
-    def lanes(self) -> tuple[Lane, ...]:
-        """Every (setup, seed), setup by setup."""
-        return self.plan.lanes
-
-    @property
     def baseline(self) -> Mapping[str, Any]:
         """The virtual gravity controller's episode under the study's rewards.
 
@@ -80,15 +103,11 @@ class Run:
         """`episodes`, `evaluations`, `trajectories` or `survival`, columns as in `studies/columns.py`."""
         if name not in SCHEMAS:
             raise RunFolderError(f"a run has no table {name!r}; {suggestion(name, SCHEMAS)}")
-        return RunFiles(self.path, self.manifest).table(name, SCHEMAS[name])
+        return self._files.table(name, SCHEMAS[name])
 
     def columns(self, name: str) -> dict[str, np.ndarray]:
         """The same table as NumPy arrays by column."""
         return _columns(self.table(name))
-
-    def policy(self, setup: str, seed: int, which: Which = "last") -> Policy:
-        """The lane's learned controller: the `last`, or the `best` by evaluation return."""
-        return RunFiles(self.path, self.manifest).policy(self.lane(setup, seed), which)
 
     def trajectory(self, setup: str, seed: int, which: Which = "last") -> dict[str, np.ndarray]:
         """The stored evaluation episode of one lane, as NumPy arrays by column."""
@@ -97,10 +116,6 @@ class Run:
     def baseline_trajectory(self) -> dict[str, np.ndarray]:
         """The stored episode of the virtual gravity controller, as NumPy arrays by column."""
         return self._trajectory(BASELINE, "baseline")
-
-    def lane(self, setup: str, seed: int) -> Lane:
-        """The lane of this setup and seed, which the plan must have."""
-        return _lane(self.path, self.plan, setup, seed)
 
     def _trajectory(self, lane: str, which: str) -> dict[str, np.ndarray]:
         table = self.table("trajectories")
@@ -113,16 +128,8 @@ class Run:
 
 
 @dataclass(frozen=True, eq=False)
-class TrainingRun:
-    """What a training in somebody's environment left in its folder, complete or under way.
-
-    Every method raises `RunFolderError` naming the file that is missing or damaged.
-    """
-
-    path: Path
-    plan: Training
-    behaviour: Behaviour
-    manifest: Mapping[str, Any]
+class TrainingRun(StoredRun[Training]):
+    """What a training in somebody's environment left in its folder."""
 
     @staticmethod
     def open(path: str | Path) -> TrainingRun:
@@ -132,35 +139,17 @@ class TrainingRun:
             raise RunFolderError(f"{path} holds a study of the compass walker, not a training")
         return TrainingRun(files.path, files.plan(parse_training), files.behaviour(), files.manifest)
 
-    @property
-    def status(self) -> str:
-        """`running`, `interrupted` or `complete`. A run whose process was killed still says `running`."""
-        return self.manifest["status"]
-
-    @property
-    def lanes(self) -> tuple[Lane, ...]:
-        """Every (setup, seed)."""
-        return self.plan.lanes
-
     def columns(self, name: str) -> dict[str, np.ndarray]:
         """`episodes` or `evaluations` as NumPy arrays, columns as in `studies/columns.py`."""
         if name not in TRAINING_SCHEMAS:
             raise RunFolderError(f"a training has no table {name!r}; {suggestion(name, TRAINING_SCHEMAS)}")
-        return _columns(RunFiles(self.path, self.manifest).table(name, TRAINING_SCHEMAS[name]))
+        return _columns(self._files.table(name, TRAINING_SCHEMAS[name]))
 
     def gaits(self) -> dict[str, np.ndarray]:
         """What `coachable gait` found, as NumPy arrays, columns as in `studies/columns.py`."""
         if not (self.path / "gaits.parquet").exists():
             raise RunFolderError(f"{self.path} tells no gaits yet; ask `coachable gait {self.path}`")
-        return _columns(RunFiles(self.path, self.manifest).table("gaits", GAITS))
-
-    def policy(self, setup: str, seed: int, which: Which = "last") -> Policy:
-        """The lane's learned controller: the `last`, or the `best` by evaluation return."""
-        return RunFiles(self.path, self.manifest).policy(self.lane(setup, seed), which)
-
-    def lane(self, setup: str, seed: int) -> Lane:
-        """The lane of this setup and seed, which the plan must have."""
-        return _lane(self.path, self.plan, setup, seed)
+        return _columns(self._files.table("gaits", GAITS))
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,15 +244,6 @@ def open_run(path: str | Path) -> Run | TrainingRun:
     **Raises:** `RunFolderError` naming what is wrong with it.
     """
     return (Run if RunFiles.open(path).kind == "study" else TrainingRun).open(path)
-
-
-def _lane(path: Path, plan: Study | Training, setup: str, seed: int) -> Lane:
-    names = [s.name for s in plan.setups]
-    if setup not in names:
-        raise RunFolderError(f"{path} has no setup {setup!r}; {suggestion(setup, names)}")
-    if seed not in plan.seeds:
-        raise RunFolderError(f"{path} has no seed {seed}; it has {plan.seeds[0]} to {plan.seeds[-1]}")
-    return Lane(setup, seed)
 
 
 def _columns(table: pa.Table) -> dict[str, np.ndarray]:
