@@ -44,12 +44,10 @@ demo: $(CORE)
 	@$(BIN)/coachable study demo $(call out,runs/demo) $(ARGS)
 
 walker2d: $(DEV)
-	@$(BIN)/coachable train experiments/walker2d/walk.toml --out runs/walker2d-walk $(ARGS)
-	@$(BIN)/coachable gait runs/walker2d-walk
-	@$(BIN)/coachable train experiments/walker2d/hop.toml --out runs/walker2d-hop $(ARGS)
-	@$(BIN)/coachable gait runs/walker2d-hop
-	@$(BIN)/coachable train experiments/walker2d/hop-described.toml --out runs/walker2d-hop-described $(ARGS)
-	@$(BIN)/coachable gait runs/walker2d-hop-described
+	@for run in walk hop hop-described; do \
+	  $(BIN)/coachable train experiments/walker2d/$$run.toml --out runs/walker2d-$$run $(ARGS) && \
+	  $(BIN)/coachable gait runs/walker2d-$$run || exit; \
+	done
 
 # The default folder, unless ARGS names one.
 out = $(if $(filter --out --out=%,$(ARGS)),,--out $(1))

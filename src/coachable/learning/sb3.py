@@ -268,7 +268,7 @@ def require_boxes(env: gymnasium.Env) -> None:
 
 
 def _hasten(settings: dict[str, Any]) -> None:
-    """Make the many small updates of an off-policy algorithm a fifth cheaper, the same but for rounding.
+    """Make the many small updates of an off-policy algorithm cheaper, the same but for rounding.
 
     Adam's moments of units that have died shrink until they are subnormal and rounding keeps them so;
     arithmetic with such numbers is slow. Here they become zero. And Adam takes one pass, not seven.
