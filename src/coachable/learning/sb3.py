@@ -109,7 +109,10 @@ class Learner:
         try:
             if not issubclass(algorithm, OnPolicyAlgorithm):
                 _hasten(settings)
-            self._model = algorithm("MlpPolicy", vector_env, seed=seed, device="cpu", verbose=0, **settings)
+            # Their own annotations are narrower than what they take (log_interval) and give (parameters).
+            self._model: Any = algorithm(
+                "MlpPolicy", vector_env, seed=seed, device="cpu", verbose=0, **settings
+            )
         except (TypeError, ValueError, AssertionError) as error:
             raise PlanError(f"{trainer} does not take these settings: {error}") from None
         # Environments are seeded one after another from this on: no two lanes share one.
@@ -147,20 +150,20 @@ class Learner:
         """What it does when it does not explore."""
         model = self._model
         if isinstance(model, OnPolicyAlgorithm):
-            network = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]  # pyright: ignore
+            network = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
             squashing = "clip"
         elif isinstance(model, SAC):
             network, squashing = [*model.actor.latent_pi, model.actor.mu], "tanh"
         else:
-            network, squashing = [*model.actor.mu][:-1], "tanh"  # pyright: ignore[reportAttributeAccessIssue]
+            network, squashing = [*model.actor.mu][:-1], "tanh"
         linear = [part for part in network if isinstance(part, torch.nn.Linear)]
         kinds = {type(part) for part in network} - {torch.nn.Linear}
-        box = model.action_space
+        box = self._model.action_space
         return Policy(
             weights=tuple(jnp.asarray(_array(part.weight)) for part in linear),
             biases=tuple(jnp.asarray(_array(part.bias)) for part in linear),
-            low=jnp.asarray(box.low, jnp.float32),  # pyright: ignore[reportAttributeAccessIssue]
-            high=jnp.asarray(box.high, jnp.float32),  # pyright: ignore[reportAttributeAccessIssue]
+            low=jnp.asarray(box.low, jnp.float32),
+            high=jnp.asarray(box.high, jnp.float32),
             activation=next((name for name, kind in ACTIVATIONS.items() if kind in kinds), "tanh"),
             squashing=squashing,
             **self._scaling(),
@@ -225,7 +228,7 @@ class Learner:
         position, has_gauss, gauss = arrays["numpy_random_rest"]
         np.random.set_state(("MT19937", arrays["numpy_random"], int(position), int(has_gauss), float(gauss)))
         # Else the episodes, and the random actions, of the run's beginning would come once more.
-        model.env.seed((self._seed + model.num_timesteps) % 2**31)  # pyright: ignore[reportOptionalMemberAccess]
+        model.env.seed((self._seed + model.num_timesteps) % 2**31)
         model.action_space.seed((self._seed + model.num_timesteps) % 2**31)
         self._begun = True
 
@@ -235,8 +238,8 @@ class Learner:
             return {}
         statistics = normaliser.obs_rms
         return {
-            "shift": jnp.asarray(statistics.mean, jnp.float32),  # pyright: ignore
-            "scale": jnp.asarray(np.sqrt(statistics.var + normaliser.epsilon), jnp.float32),  # pyright: ignore
+            "shift": jnp.asarray(statistics.mean, jnp.float32),
+            "scale": jnp.asarray(np.sqrt(statistics.var + normaliser.epsilon), jnp.float32),
             "bound": float(normaliser.clip_obs),
         }
 
