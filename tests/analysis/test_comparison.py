@@ -104,3 +104,11 @@ def test_it_is_written_with_units_and_both_names(tmp_path, capsys):
     assert (tmp_path / "made" / "comparison-orthant.png").exists()
     labels = [text.get_text() for text in comparison_figure(studies, "orthant").legends[0].get_texts()]
     assert labels == ["mine, 8 seeds", "theirs, 5 seeds", "virtual gravity"]
+
+
+def test_evaluations_at_other_steps_are_told_to_be_so(tmp_path, capsys):
+    early = replace(study(1), checkpoints=CHECKPOINTS - 1)
+    tell_comparison({"mine": study(0), "theirs": early}, tmp_path)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "none of the evaluations, which have no step in common" in printed
+    assert "nan" not in printed

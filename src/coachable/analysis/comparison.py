@@ -133,9 +133,9 @@ def tell_comparison(studies: Mapping[str, Measurements], folder: Path) -> None:
             [row.measure, *map(_text, (row.first, row.second, row.difference)), f"{row.p:.3f}"]
             for row in compared(first, second, setup)
         ]
-        bands = ((curve(first, first[setup]), curve(second, second[setup])) for curve in _CURVES.values())
         overlaps = [
-            f"{share_of_overlap(*pair):.0%} of {name}" for pair, name in zip(bands, _CURVES, strict=True)
+            _overlap(share_of_overlap(curve(first, first[setup]), curve(second, second[setup])), name)
+            for name, curve in _CURVES.items()
         ]
         runs = f"{first[setup].num_runs} and {second[setup].num_runs} runs"
         note = f"{setup}, {runs}: the curves' 95 % intervals overlap at {' and '.join(overlaps)}."
@@ -165,6 +165,12 @@ NOTE = (
     "two-sided, not corrected for the number of measures."
 )
 _CURVES = {"the learning curve's points": learning_curve, "the evaluations": mean_distance}
+
+
+def _overlap(share: float, points: str) -> str:
+    if math.isnan(share):
+        return f"none of {points}, which have no step in common"
+    return f"{share:.0%} of {points}"
 
 
 def _text(told: Estimate) -> str:
