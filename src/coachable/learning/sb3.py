@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import gymnasium
@@ -108,7 +109,7 @@ class Learner:
         algorithm = ALGORITHMS[trainer]
         try:
             if not issubclass(algorithm, OnPolicyAlgorithm):
-                _hasten(settings)
+                _fuse_adam(settings)
             # Their own annotations are narrower than what they take (log_interval) and give (parameters).
             self._model: Any = algorithm(
                 "MlpPolicy", vector_env, seed=seed, device="cpu", verbose=0, **settings
@@ -141,8 +142,12 @@ class Learner:
         """
         left = num_steps - self.num_steps
         if left > 0:
-            # What the algorithm takes for the total tells its schedules how far it is.
-            self._model.learn(left, _Between(between), log_interval=None, reset_num_timesteps=not self._begun)
+            many_updates = not isinstance(self._model, OnPolicyAlgorithm)
+            with _subnormals_as_zeros() if many_updates else nullcontext():
+                # What the algorithm takes for the total tells its schedules how far it is.
+                self._model.learn(
+                    left, _Between(between), log_interval=None, reset_num_timesteps=not self._begun
+                )
             self._begun = True
         between()
 
@@ -270,15 +275,23 @@ def require_boxes(env: gymnasium.Env) -> None:
         raise PlanError(f"actions must be a row of numbers within bounds, but they are {actions}")
 
 
-def _hasten(settings: dict[str, Any]) -> None:
-    """Make the many small updates of an off-policy algorithm cheaper, the same but for rounding.
-
-    Adam's moments of units that have died shrink until they are subnormal and rounding keeps them so;
-    arithmetic with such numbers is slow. Here they become zero. And Adam takes one pass, not seven.
-    """
-    torch.set_flush_denormal(True)
+def _fuse_adam(settings: dict[str, Any]) -> None:
+    """Let Adam take one pass, not seven: the many small updates of an off-policy algorithm are cheaper."""
     arguments = settings.setdefault("policy_kwargs", {})
     arguments["optimizer_kwargs"] = {"fused": True, **arguments.get("optimizer_kwargs", {})}
+
+
+@contextmanager
+def _subnormals_as_zeros() -> Iterator[None]:
+    """Adam's moments of units that have died shrink until they are subnormal, and rounding keeps them so;
+    arithmetic with such numbers is slow. In here they are zero. Elsewhere in this thread they must not be:
+    certificates rest on IEEE 754.
+    """
+    torch.set_flush_denormal(True)
+    try:
+        yield
+    finally:
+        torch.set_flush_denormal(False)
 
 
 def _policy_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:

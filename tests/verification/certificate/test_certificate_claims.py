@@ -224,6 +224,19 @@ def test_a_box_without_extent_is_not_proven(held_gait):
         assert not checker.check(changed(certificate(y, basis, 1e-4), "box", "radii", radii)).proven
 
 
+def test_arithmetic_that_takes_subnormal_numbers_for_zero_proves_nothing(held_gait):
+    torch = pytest.importorskip("torch", reason="needs the [sb3] extra: pip install 'coachable[sb3]'")
+    y, basis, _ = held_gait
+    data = certificate(y, basis, 1e-4)
+    torch.set_flush_denormal(True)
+    try:
+        verdict = checker.check(data)
+    finally:
+        torch.set_flush_denormal(False)
+    assert not verdict.proven
+    assert "IEEE 754" in verdict.reason
+
+
 def test_a_certificate_survives_json(held_gait):
     y, basis, _ = held_gait
     data = certificate(y, basis, 1e-4)
