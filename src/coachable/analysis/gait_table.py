@@ -16,6 +16,7 @@ MEASURES = {
     "speed": ("speed [m/s]", 1.0),
     "share_in_cycle": ("in the cycle [%]", 100.0),
     "follows": ("follows [%]", 100.0),
+    "cycles": ("whole cycles [1/s]", 1.0),
     "alternation": ("alternation [%]", 100.0),
     "asymmetry": ("asymmetry [%]", 1.0),
     "flight": ("flight [%]", 100.0),
@@ -26,11 +27,11 @@ MEASURES = {
 
 NOTE = (
     "Deterministic episodes of one policy a seed; means over seeds of means over episodes, with 95 % "
-    "bootstrap intervals over seeds. A seed's gait is that of most of its episodes. Follows: steps that "
-    "the description pays +1. Alternation: touchdowns by the other foot than the last. Asymmetry: the feet's "
-    "times on the ground, difference over mean. Cost of transport: work of the motors, braking counted as "
-    "driving, per weight and distance. A speed was reached after the steps of the first evaluation that was "
-    "so fast."
+    "bootstrap intervals over seeds. A seed's gait is that of most of its episodes, told by its footfalls. "
+    "Follows: steps that the description pays +1. Whole cycles: all edges of one gone along, one after "
+    "another. Alternation: touchdowns by the other foot than the last. Asymmetry: the feet's times on the "
+    "ground, difference over mean. Cost of transport: work of the motors, braking counted as driving, per "
+    "weight and distance. A speed was reached after the steps of the first evaluation that was so fast."
 )
 
 
@@ -52,7 +53,17 @@ def tell_gaits(run: TrainingRun, speed: float, folder: Path) -> None:
     print(f"wrote {tell_table('Seed by seed', LANE_HEADER, lanes, LANE_NOTE, folder / 'gaits-by-seed.md')}")
 
 
-LANE_HEADER = ("lane", "gaits", "speed [m/s]", "follows [%]", "lag", "asymmetry [%]", "fell [%]", "seconds")
+LANE_HEADER = (
+    "lane",
+    "gaits",
+    "speed [m/s]",
+    "follows [%]",
+    "cycles [1/s]",
+    "lag",
+    "asymmetry [%]",
+    "fell [%]",
+    "seconds",
+)
 LANE_NOTE = (
     "Means over a seed's episodes. Lag: when in a stride of the first foot the second one touches down, a "
     "circular mean; 0.5 if they alternate evenly. Seconds: how long an episode lasted."
@@ -67,6 +78,7 @@ def _lane(gaits: dict[str, np.ndarray], lane: str) -> list[str]:
     numbers = [
         (gaits["speed"], 1.0),
         (gaits["follows"], 100.0),
+        (gaits["cycles"], 1.0),
         (np.full(len(mine), lag), 1.0),
         (gaits["asymmetry"], 1.0),
         (gaits["fell"].astype(float), 100.0),

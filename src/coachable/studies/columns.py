@@ -106,6 +106,7 @@ GAITS = _columns(
     ("fell", pa.bool_(), ""),
     ("share_in_cycle", pa.float32(), ""),
     ("follows", pa.float32(), ""),
+    ("cycles", pa.float32(), "1/s"),
     ("speed", pa.float32(), "m/s"),
     ("transport", pa.float32(), ""),
     ("duty", pa.float32(), ""),
@@ -116,7 +117,8 @@ GAITS = _columns(
 )
 """What `coachable gait` finds, one row an episode; see `verification.gaits.measures`.
 
-`follows` is the share of steps that belong to the behaviour; `dt` the time between two steps.
+`follows` is the share of steps that belong to the behaviour; `cycles` how many of its cycles are completed a
+second, NaN if it has none; `dt` the time between two steps.
 """
 
 

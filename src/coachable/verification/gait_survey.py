@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from coachable.automata.monitor import Monitor
+from coachable.behaviours.behaviour import Behaviour
 from coachable.errors import ParameterError
 from coachable.studies.columns import GAITS, table_of
 from coachable.studies.files import table_bytes, write_atomic
@@ -53,7 +56,9 @@ def survey(
                         f"{run.plan.env} has no signal that ends in {CONTACT}, so its gait cannot be told; "
                         "give the plan such a signal for every foot, 1 while it is on the ground"
                     )
-                rows.append({"lane": run.lane(setup.name, seed).name, "episode": episode, **_row(walk)})
+                rows.append(
+                    {"lane": run.lane(setup.name, seed).name, "episode": episode, **_row(run.behaviour, walk)}
+                )
                 if episode == 0:
                     shown = Footfalls(f"seed {seed}: {rows[-1]['gait']}", walk.time, feet(walk))
                     first.setdefault(setup.name, []).append(shown)
@@ -63,8 +68,11 @@ def survey(
     return first
 
 
-def _row(walk: RecordedWalk) -> dict[str, Any]:
+def _row(behaviour: Behaviour, walk: RecordedWalk) -> dict[str, Any]:
     outside = len(walk.phases)
+    monitor = Monitor(behaviour)
+    monitor.feed_rows(walk.time, walk.values)
+    cycles = monitor.report().cycles
     return {
         "gait": gait(walk),
         "dt": float(walk.time[1]),
@@ -73,5 +81,6 @@ def _row(walk: RecordedWalk) -> dict[str, Any]:
         "fell": walk.fell,
         "share_in_cycle": float((walk.phase[1:] != outside).mean()),
         "follows": float(walk.follows[1:].mean()),
+        "cycles": sum(cycles) / float(walk.time[-1]) if cycles else math.nan,
         **measures(walk),
     }
