@@ -12,7 +12,7 @@ import pytest
 from coachable import cli
 from coachable.automata.explanation import as_json, as_text, explain
 from coachable.automata.monitor import Monitor
-from coachable.automata.trace_file import read_trace
+from coachable.automata.trace_file import read_trace, write_trace
 from coachable.behaviours import load_behaviour
 from coachable.envs.baselines import baseline
 from coachable.errors import TraceError
@@ -100,6 +100,39 @@ def test_the_phase_at_each_moment_can_be_written_down(walk, tmp_path):
     assert [float(row["t [s]"]) for row in rows] == walk["t"].tolist()
     expected = [WALKING.phase_at({name: walk[name][row] for name in NAMES}) or "" for row in range(len(rows))]
     assert [row["phase"] for row in rows] == expected
+
+
+def test_phases_are_never_written_over_the_trace(walk, tmp_path, capsys):
+    path = write(tmp_path / "walk.csv", walk)
+    before = path.read_bytes()
+    (tmp_path / "link.csv").symlink_to(path)
+    for phases in (path, tmp_path / "link.csv"):
+        code, _, err = run(capsys, "compass-walking", path, "--phases", phases)
+        assert (code, "give another file" in err) == (2, True)
+        assert path.read_bytes() == before
+
+
+def test_a_place_that_cannot_be_written_to_is_named(walk, tmp_path, capsys):
+    path, nowhere = write(tmp_path / "walk.csv", walk), tmp_path / "nowhere"
+    code, _, err = run(capsys, "compass-walking", path, "--phases", nowhere / "phases.csv")
+    assert (code, f"{nowhere / 'phases.csv'}: No such file" in err) == (2, True)
+    for name in ("walk.csv", "walk.csv.gz", "walk.parquet"):
+        with pytest.raises(TraceError, match=f"{name}: cannot be written"):
+            write_trace(nowhere / name, walk["t"], WALKING.signals, walk)
+
+
+@pytest.mark.parametrize(("letter", "name"), [(";", "semicolons"), ("\t", "tabs")])
+def test_columns_that_are_separated_otherwise_are_told(letter, name, tmp_path):
+    path = tmp_path / "other.csv"
+    path.write_text((HEADER + ROW).replace(",", letter))
+    with pytest.raises(TraceError, match=f"{name} separate its columns"):
+        explain(WALKING, path)
+
+
+def test_one_sample_is_one(tmp_path):
+    path = tmp_path / "one.csv"
+    path.write_text(HEADER + ROW)
+    assert ": 1 sample, t = 0 s to 0 s" in as_text(explain(WALKING, path))
 
 
 def test_every_kind_of_file_holds_the_same(walk, tmp_path):

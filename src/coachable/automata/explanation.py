@@ -42,8 +42,11 @@ def explain(
     violations to keep, `None` for all; `phases`, a CSV file to write, the phase at each moment; `progress`,
     called every some ten thousand rows.
 
-    **Raises:** `TraceError` for a file that `read_trace` or the monitor does not take, or without rows.
+    **Raises:** `TraceError` for a file that `read_trace` or the monitor does not take, or without rows, and
+    if `phases` is the trace itself.
     """
+    if phases is not None and phases.exists() and trace.exists() and phases.samefile(trace):
+        raise TraceError(f"{phases}: this is the trace; give another file for the phases")
     monitor, shown = Monitor(behaviour), []
     with _phase_writer(phases, behaviour) as write:
         for chunk in read_trace(trace, behaviour.signals, dt):
@@ -65,7 +68,8 @@ def as_text(explanation: Explanation) -> str:
     report, behaviour = explanation.report, explanation.report.behaviour
     total = sum(report.violations.values())
     lines = [
-        f"{explanation.trace} against {behaviour.name!r}: {report.samples:,} samples, "
+        f"{explanation.trace} against {behaviour.name!r}: "
+        f"{report.samples:,} sample{'s' * (report.samples != 1)}, "
         f"t = {seconds(report.start or 0.0)} s to {seconds(report.end or 0.0)} s",
         "",
         f"  in a phase   {_percent(report.share_in_cycle)} of the samples",
@@ -161,7 +165,7 @@ def _phase_writer(
         return
     names = np.array([*behaviour.phase_names, ""], object)
     schema = pa.schema([("t [s]", pa.float64()), ("phase", pa.string())])
-    with pa_csv.CSVWriter(path, schema) as writer:
+    with path.open("wb") as file, pa_csv.CSVWriter(file, schema) as writer:
         yield lambda times, locations: writer.write_batch(
             pa.record_batch([pa.array(times), pa.array(names[locations], pa.string())], schema)
         )

@@ -77,20 +77,24 @@ def write_trace(
 
     Numbers are written so that the very same are read again. The suffix decides as in `read_trace`.
 
-    **Raises:** `TraceError` for a suffix that is neither of CSV nor of Parquet.
+    **Raises:** `TraceError` for a suffix that is neither of CSV nor of Parquet, or if nothing can be written
+    there.
     """
     columns = {"t [s]": times} | {
         f"{signal.name} [{signal.unit}]" if signal.unit else signal.name: values[signal.name]
         for signal in signals
     }
     table = pa.table(columns)
-    if _is_parquet(path):
-        pq.write_table(table, path)
-    elif path.name.endswith((".csv", ".csv.gz", ".csv.bz2", ".csv.zst")):
-        with pa.output_stream(str(path), compression="detect") as stream:
-            pa_csv.write_csv(table, stream)
-    else:
-        raise TraceError(f"{path}: give a file that ends in .csv, .csv.gz or .parquet")
+    try:
+        if _is_parquet(path):
+            pq.write_table(table, path)
+        elif path.name.endswith((".csv", ".csv.gz", ".csv.bz2", ".csv.zst")):
+            with pa.output_stream(str(path), compression="detect") as stream:
+                pa_csv.write_csv(table, stream)
+        else:
+            raise TraceError(f"{path}: give a file that ends in .csv, .csv.gz or .parquet")
+    except OSError as error:
+        raise TraceError(f"{path}: cannot be written: {_first_line(error)}") from None
 
 
 def _columns(path: Path, names: list[str], signals: tuple[Signal, ...], *, with_time: bool) -> dict[str, str]:
@@ -149,6 +153,9 @@ def _csv_names(path: Path) -> list[str]:
         raise TraceError(f"{path}: the file is empty; its first line must name the columns")
     if any("\udc80" <= letter <= "\udcff" for name in first for letter in name):
         raise TraceError(f"{path}: its first line is not text in UTF-8")
+    for letter, name in ((";", "semicolons"), ("\t", "tabs")):
+        if len(first) == 1 and letter in first[0]:
+            raise TraceError(f"{path}: {name} separate its columns; write commas, and points in the numbers")
     return first
 
 
