@@ -108,6 +108,15 @@ def test_parts_that_make_no_sense_are_refused(written):
         recheck(written)
 
 
+def test_numbers_laid_out_otherwise_are_refused(written):
+    data = json.loads(written.read_text())
+    data["box"]["basis"] = [number for row in data["box"]["basis"] for number in row]
+    data["sha256"]["box"] = part_hash(data["box"])
+    written.write_text(json.dumps(data))
+    with pytest.raises(RunFolderError, match=r"shape \(3, 3\)"):
+        recheck(written)
+
+
 def test_a_certificate_of_another_walker_is_refused(written):
     plant = CompassWalker()
     mine = Loop(plant, VirtualGravity(plant), control_dt=0.02)

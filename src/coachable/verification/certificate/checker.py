@@ -495,6 +495,6 @@ def read(data: Mapping[str, Any]) -> tuple[Loop, Box, int, tuple[int, ...], str]
 def floats(numbers: Any, *shape: int) -> np.ndarray:
     """Numbers, exactly, as an array of this shape."""
     array = np.array(numbers, dtype=np.float64)
-    if array.size != math.prod(shape) or not np.all(np.isfinite(array)):
+    if array.shape not in (shape, shape[:1]) or not np.all(np.isfinite(array)):
         raise ValueError(f"expected finite numbers of shape {shape}")
     return array.reshape(shape)
