@@ -144,3 +144,8 @@ def test_the_command_tells_it(capsys):
     (told,) = json.loads(capsys.readouterr().out)["crossings"]
     assert told["verdict"] == "sometimes"
     assert told["gait"]["after"]["dtheta_2"] < 0
+
+
+def test_the_command_says_when_there_is_no_touchdown_to_ask_about(capsys):
+    cli.main(["check", "squat-and-stand", "--plant", "compass"])
+    assert "No edge is taken on touchdown" in capsys.readouterr().out

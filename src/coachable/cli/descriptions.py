@@ -55,6 +55,8 @@ def check(
         print_report(report, document.behaviour, file, document.line_of, Console(highlight=False))
         for one in crossings:
             print("", *one.sentences, sep="\n")
+        if plant is not None and not crossings:
+            print("\nNo edge is taken on touchdown: there is nothing to ask about the plant.")
     if not report.passes(strict):
         sys.exit(1)
 
