@@ -70,6 +70,10 @@ def test_every_command_has_help_with_an_example(capsys, name):
         (["table", "nowhere"], ["nowhere is not a folder"]),
         (["watch", "nowhere", "-o", "gait.png"], ["nowhere is not a folder"]),
         (["watch", "none", "-o", "gait.doc"], ["gait.doc", ".gif"]),
+        (["watch", "none", "--seed", "3", "-o", "gait.gif"], ["--seed", "none is given"]),
+        (["watch", "fall.json", "--setup", "orthant", "-o", "gait.gif"], ["--setup", "fall.json is given"]),
+        (["verify", "runs/paper", "--recheck", "c.json"], ["leave out runs/paper"]),
+        (["verify", "--recheck", "c.json", "--json"], ["leave out --json"]),
         (["report"], ["RUN"]),
         (["report", "nowhere", "-o", "x.html"], ["nowhere is not a folder"]),
         (["report", "nowhere", "--format", "pdf"], ["--format", "pdf-figures"]),
@@ -129,6 +133,14 @@ def test_baselines_are_the_papers(capsys):
     assert "8.2157 m" in out
     out, _, _ = run(capsys, "baseline", "--controller", "none", "--json")
     assert json.loads(out)["fell"] is True
+    assert json.loads(out)["period"] is None
+    out, _, _ = run(capsys, "baseline", "--controller", "none")
+    period, touchdowns = (
+        next(line for line in out.splitlines() if w in line) for w in ("period", "touchdowns")
+    )
+    assert "nan" not in out
+    assert period.endswith("–")
+    assert len(period) == len(touchdowns)
 
 
 def test_a_lane_and_a_baseline_can_be_watched(capsys, small_run, tmp_path):

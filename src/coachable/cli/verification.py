@@ -82,6 +82,11 @@ def verify(
         coachable verify --recheck runs/paper/certificates/orthant-1.json
     """
     if recheck is not None:
+        if run is not None or json:
+            raise CoachableError(
+                "--recheck proves a file by itself and tells it in words; leave out "
+                + ("--json" if run is None else f"{run}: nothing is said about it")
+            )
         _recheck(recheck)
         return
     if run is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -61,6 +62,8 @@ def watch(
     from coachable.envs.baselines import CONTROLLER_NAMES
     from coachable.studies.walks import walk_of_baseline, walk_of_lane
 
+    if (run in CONTROLLER_NAMES or run.endswith(".json")) and (setup is not None or seed is not None):
+        raise PlanError(f"--setup and --seed name a lane of a run, but {run} is given; leave them out")
     if run in CONTROLLER_NAMES:
         walks = [walk_of_baseline(run, semantics, seconds)]
         who = walks[0].title
@@ -224,4 +227,5 @@ def baseline(
         ("in the cycle", 100 * report.share_in_cycle, 1, "% of samples"),
         *((f"reward, {name}", reward, 3, "") for name, reward in report.rewards.items()),
     ):
-        print(f"  {what:<24}{value:>10.{digits}f} {unit}".rstrip())
+        number = f"{value:>10.{digits}f} {unit}" if math.isfinite(value) else f"{'–':>10}"
+        print(f"  {what:<24}{number}".rstrip())
