@@ -59,6 +59,8 @@ def watch(
     from coachable.viewing.watch import draw_walks, require_drawable
 
     require_drawable(out)
+    if not seconds > 0:
+        raise PlanError(f"seconds must be greater than zero, got {seconds}")
     from coachable.envs.baselines import CONTROLLER_NAMES
     from coachable.studies.walks import walk_of_baseline, walk_of_lane
 
@@ -134,6 +136,8 @@ def record(
     from coachable.studies.store import TrainingRun
     from coachable.studies.training_walks import recorded_walk
 
+    if episode < 0:
+        raise PlanError(f"episodes are counted from 0, got {episode}")
     opened = TrainingRun.open(run)
     setup = setup or opened.plan.setups[0].name
     seed = opened.plan.first_seed if seed is None else seed
@@ -168,6 +172,8 @@ def gait(
 
     if episodes < 1:
         raise PlanError(f"episodes must be at least 1, got {episodes}")
+    if not math.isfinite(speed):
+        raise PlanError(f"speed must be a finite number, got {speed}")
     opened = TrainingRun.open(run)
     with walkers_progress("gait", len(opened.lanes)) as tell:
         walks = survey(opened, episodes, which, tell)
