@@ -56,7 +56,7 @@ def tell_table(
         grid.add_column(Text(name))
     for row in rows:
         grid.add_row(*map(Text, row))
-    console.print(title, style="bold", highlight=False)
+    console.print(Text(title, style="bold"))
     console.print(grid)
     console.print(note, style="dim italic", highlight=False)
     path.parent.mkdir(parents=True, exist_ok=True)
