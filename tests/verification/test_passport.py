@@ -1,14 +1,18 @@
 """A passport comes back from its file as it was, and a damaged one is refused with what is wrong."""
 
+import io
 import json
+from dataclasses import replace
 
 import pytest
+from rich.console import Console
 
 from coachable.errors import RunFolderError
 from coachable.verification.adherence import Adherence, Transition
 from coachable.verification.basin import Basin, Proportion
 from coachable.verification.orbit import Orbit
 from coachable.verification.passport import (
+    FallSearch,
     Orbits,
     Passport,
     Walker,
@@ -16,6 +20,7 @@ from coachable.verification.passport import (
     read_passport,
     write_passport,
 )
+from coachable.verification.passport_text import print_passport, write_summary
 from coachable.verification.pushes import Pushes, Tolerance
 from coachable.verification.stability import Stability
 
@@ -109,3 +114,25 @@ def test_a_file_that_is_no_json_object_is_refused(tmp_path, content):
 def test_a_missing_file_is_told(tmp_path):
     with pytest.raises(RunFolderError, match="is missing"):
         read_passport(tmp_path / "nobody.json")
+
+
+def test_one_is_told_as_one_and_many_as_many(tmp_path):
+    search = FallSearch("any start", 10.0, 100, 1, 2, -0.1, confirmed=1, unconfirmed=0)
+    one = replace(WHOLE, falls=(search,))
+    console = Console(file=io.StringIO(), width=100)
+    print_passport(one, console)
+    print_passport(replace(WHOLE, falls=(replace(search, confirmed=2),)), console)
+    printed = console.file.getvalue()
+    assert "1 counterexample, walked" in printed
+    assert "2 counterexamples, walked" in printed
+    write_summary([one], tmp_path)
+    told = (tmp_path / "summary.md").read_text(encoding="utf-8")
+    assert "Of 1 walker, with the free clock 0 repeat themselves and 0 wander" in told
+    assert "with the touchdown clock 1 repeats itself" in told
+    assert "Of the 1 that is up, 1 completes a described cycle" in told
+    assert "Of 1 walker searched for falls, 0 have no counterexample" in told
+    assert "before random search 1 time, after it 0 times" in told
+    write_summary([one, one], tmp_path)
+    told = (tmp_path / "summary.md").read_text(encoding="utf-8")
+    assert "Of 2 walkers, with the free clock 0 repeat themselves" in told
+    assert "Of the 2 that are up, 2 complete a described cycle" in told

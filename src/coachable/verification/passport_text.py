@@ -107,13 +107,15 @@ def _counts(passports: Sequence[Passport]) -> list[str]:
         clock: [getattr(one.orbits, clock).kind for one in passports].count for clock in ("free", "touchdown")
     }
     clocks = " and ".join(
-        f"with the {clock} clock {count('periodic')} repeat themselves and {count('wandering')} wander"
+        f"with the {clock} clock {_many(count('periodic'), 'repeats itself', 'repeat themselves')} and "
+        f"{_many(count('wandering'), 'wanders', 'wander')}"
         for clock, count in kinds.items()
     )
     told = [
         f"Up after 100 s, 95 % interval in percent: {', '.join(ups)}.",
-        f"Of {len(passports)} walkers, {clocks}.",
-        f"Of the {len(up)} that are up, {closed} complete a described cycle at least once.",
+        f"Of {_many(len(passports), 'walker', 'walkers')}, {clocks}.",
+        f"Of the {_many(len(up), 'that is up', 'that are up')}, "
+        f"{_many(closed, 'completes', 'complete')} a described cycle at least once.",
     ]
     searched = [one for one in passports if one.falls]
     if searched:
@@ -125,10 +127,15 @@ def _counts(passports: Sequence[Passport]) -> list[str]:
         ]
         sooner, later = sum(a < b for a, b in found), sum(b < a for a, b in found)
         told.append(
-            f"Of {len(searched)} walkers searched for falls, {safe} have no counterexample; CMA-ES saw the "
-            f"first fall before random search {sooner} times, after it {later} times."
+            f"Of {_many(len(searched), 'walker', 'walkers')} searched for falls, "
+            f"{_many(safe, 'has', 'have')} no counterexample; CMA-ES saw the first fall before random search "
+            f"{_many(sooner, 'time', 'times')}, after it {_many(later, 'time', 'times')}."
         )
     return told
+
+
+def _many(number: int, one: str, more: str) -> str:
+    return f"{number} {one if number == 1 else more}"
 
 
 def _summary(passports: Sequence[Passport]) -> list[list[str]]:
@@ -282,7 +289,8 @@ def _falls(search: FallSearch) -> list[tuple[str, str]]:
         return "none" if walk is None else f"first in walk {walk:,}"
 
     tried = f"CMA-ES: {first(search.first_fall)}, at random: {first(search.first_fall_at_random)}"
-    confirmed = f"{search.confirmed} counterexamples, walked once more by SciPy" if search.confirmed else ""
+    kept = _many(search.confirmed, "counterexample", "counterexamples")
+    confirmed = f"{kept}, walked once more by SciPy" if search.confirmed else ""
     unconfirmed = f"{search.unconfirmed} that SciPy does not confirm" if search.unconfirmed else ""
     margin = f"least margin {search.least_margin:.3f}"
     result = ", ".join(filter(None, (confirmed, unconfirmed))) or f"no counterexample, {margin}"
