@@ -14,6 +14,7 @@ from coachable.automata.explanation import as_json, as_text, explain
 from coachable.automata.monitor import Monitor
 from coachable.automata.trace_file import read_trace, write_trace
 from coachable.behaviours import load_behaviour
+from coachable.behaviours.predicates import Signal
 from coachable.envs.baselines import baseline
 from coachable.errors import TraceError
 
@@ -156,6 +157,15 @@ def test_dt_takes_the_place_of_a_time_column(walk, tmp_path):
     assert (report.start, report.end) == (0.0, 500.0)
     with pytest.raises(TraceError, match="there is no column t or time; say with --dt"):
         explain(WALKING, path)
+
+
+@pytest.mark.parametrize(("signal", "time"), [("t", "time"), ("time", "t")])
+def test_a_signal_that_is_called_like_the_time_is_not_taken_for_it(signal, time, tmp_path):
+    path = tmp_path / "named.csv"
+    path.write_text(f"{signal},{time}\n5,0\n4,1\n")
+    (chunk,) = read_trace(path, (Signal(signal, "m"),))
+    assert chunk.times.tolist() == [0, 1]
+    assert chunk.values[signal].tolist() == [5, 4]
 
 
 def test_an_empty_cell_is_outside_and_named(walk, tmp_path):

@@ -47,7 +47,7 @@ def read_trace(path: Path, signals: tuple[Signal, ...], dt: float | None = None)
     is Parquet, everything else CSV, decompressed where it ends in `.gz`, `.bz2` or `.zst`.
 
     **Arguments:** `signals`, what to look for; `dt`, the time from row to row [s], which takes the place
-    of the time column, `t` or `time`.
+    of the time column, `t` or `time`, of which one that is no signal is taken first.
 
     **Raises:** `TraceError` if the file is not there or damaged, if a column is missing, there twice, in
     another unit or not of numbers, or if there is no time.
@@ -116,7 +116,8 @@ def _columns(path: Path, names: list[str], signals: tuple[Signal, ...], *, with_
 
     columns = {}
     if with_time:
-        times = [name for name in TIME_NAMES if name in found]
+        own = {signal.name for signal in signals}
+        times = sorted((name for name in TIME_NAMES if name in found), key=own.__contains__)
         if not times:
             raise TraceError(
                 f"{path}: there is no column t or time; say with --dt how many seconds lie between two rows"
