@@ -1,7 +1,9 @@
 """The command line: quick help with examples, a clear message for a mistake, what the commands print."""
 
 import csv
+import errno
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -98,6 +100,36 @@ def test_a_file_that_cannot_be_written_is_named(capsys, tmp_path):
     _, err, status = run(capsys, "study", "demo", "--out", tmp_path / "file" / "run")
     assert status == 2
     assert str(tmp_path / "file") in err
+
+
+def test_a_full_disk_is_a_message_and_no_traceback(capsys, monkeypatch):
+    def full_disk(*arguments):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setitem(cli.COMMANDS, "cite", full_disk)
+    _, err, status = run(capsys, "cite")
+    assert status == 2
+    assert err == f"coachable: {os.strerror(errno.ENOSPC)}\n"
+
+
+def test_a_reader_who_has_enough_is_not_told_so():
+    reading, writing = os.pipe()
+    os.close(reading)
+    program = "from coachable import cli; cli.main(['cite'])"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writing)
+    assert done.returncode == 1
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("command", [["study", "plan.toml"], ["train", "--settings", "plan.toml"]])
+def test_a_plan_that_is_no_text_is_refused(capsys, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "plan.toml").write_bytes(b"\xff\xfe")
+    _, err, status = run(capsys, *command)
+    assert status == 2
+    assert "plan.toml cannot be read" in err
 
 
 def test_options_reach_the_plan(capsys, small_run, small_plan):

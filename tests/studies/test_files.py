@@ -1,5 +1,6 @@
 """Files are written whole or not at all, damage is named, and a folder has one writer."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -35,6 +36,19 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypat
         write_atomic(path, "new")
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["plan.toml"]
+
+
+def test_a_full_disk_is_told_with_the_file(tmp_path, monkeypatch):
+    def full_disk(descriptor):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full_disk)
+    with pytest.raises(OSError, match="No space left") as raised:
+        write_atomic(tmp_path / "plan.toml", "new")
+    assert raised.value.filename == str(tmp_path / "plan.toml")
+    with pytest.raises(FileNotFoundError) as raised:
+        write_atomic(tmp_path / "nowhere" / "plan.toml", "new")
+    assert raised.value.filename == str(tmp_path / "nowhere" / "plan.toml")
 
 
 def test_a_missing_and_a_changed_file_are_named(tmp_path):

@@ -22,8 +22,11 @@ def write_atomic(path: Path, data: bytes | str) -> None:
             file.flush()
             os.fsync(file.fileno())
         os.replace(neighbour, path)
-    except BaseException:
+    except BaseException as error:
         neighbour.unlink(missing_ok=True)
+        # The system names the neighbour, or, where the disk is full, no file at all.
+        if isinstance(error, OSError) and error.errno is not None:
+            raise OSError(error.errno, error.strerror, str(path)) from None
         raise
     _flush_folder(path.parent)
 

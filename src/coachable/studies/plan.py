@@ -17,7 +17,7 @@ from coachable.errors import CoachableError, PlanError
 from coachable.learning.config import PPOConfig
 from coachable.plants.compass import STATE_NAMES, CompassParameters
 from coachable.rewards.setup import PAPER_SETUPS, RewardSetup
-from coachable.studies.plan_data import seeds, table, typed, types
+from coachable.studies.plan_data import seeds, table, text_of, typed, types
 from coachable.studies.study import Lane as Lane
 from coachable.studies.study import Study as Study
 from coachable.studies.study import check_choices
@@ -52,7 +52,7 @@ def load_plan(name_or_path: str | Path, **options: Any) -> Study:
     """
     if Path(name_or_path).is_file():
         path = Path(name_or_path)
-        return parse_plan(path.read_text(encoding="utf-8"), str(path), path.parent, **options)
+        return parse_plan(text_of(path), str(path), path.parent, **options)
     if (name := str(name_or_path)) in shipped_plans():
         source, text = f"plan {name!r}", (_SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
         return parse_plan(text, source, **options)

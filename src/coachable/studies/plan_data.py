@@ -7,10 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import PlanError
+
+
+def text_of(path: Path) -> str:
+    """The text of a plan's file."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise PlanError(f"{path} cannot be read: {why}") from None
 
 
 def seeds(value: Any, source: str) -> dict[str, int]:

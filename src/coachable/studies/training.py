@@ -16,7 +16,7 @@ from coachable.behaviours.library import SHIPPED
 from coachable.behaviours.suggestion import suggestion
 from coachable.errors import PlanError
 from coachable.rewards.phase_reward import Variant
-from coachable.studies.plan_data import seeds, table, typed, types
+from coachable.studies.plan_data import seeds, table, text_of, typed, types
 from coachable.studies.study import Lane, Trainer, check_choices, steps_an_update
 from coachable.studies.toml_writer import toml_text
 
@@ -169,12 +169,7 @@ def load_training(path: Path | None, **options: Any) -> Training:
     """
     if path is None:
         return resolve({}, "the options", **options)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else error
-        raise PlanError(f"{path} cannot be read: {why}") from None
-    return parse_training(text, str(path), path.parent, **options)
+    return parse_training(text_of(path), str(path), path.parent, **options)
 
 
 def parse_training(text: str, source: str, folder: Path | None = None, **options: Any) -> Training:
@@ -223,7 +218,7 @@ def trainer_settings(name_or_path: str) -> dict[str, Any]:
     """
     path = Path(name_or_path)
     if path.is_file():
-        return _toml(path.read_text(encoding="utf-8"), str(path))
+        return _toml(text_of(path), str(path))
     if name_or_path in shipped_settings():
         file = _SHIPPED_SETTINGS / f"{name_or_path}.toml"
         return _toml(file.read_text(encoding="utf-8"), f"settings {name_or_path!r}")
