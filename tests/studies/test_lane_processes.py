@@ -1,5 +1,6 @@
 """Lanes in processes: all are run, news are heard, and whatever goes wrong stops everything in good order."""
 
+import errno
 import multiprocessing
 import os
 import signal
@@ -41,6 +42,8 @@ class Count:
             if number == 5:
                 if self.ends == "mistake":
                     raise PlanError("no such thing")
+                if self.ends == "full disk":
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
                 if self.ends == "bug":
                     raise ZeroDivisionError("a bug")
                 if self.ends == "killed":
@@ -68,6 +71,7 @@ def test_every_lane_is_run_and_its_end_is_heard(tmp_path):
     [
         ("mistake", PlanError, "no such thing"),
         ("bug", RuntimeError, "ZeroDivisionError: a bug"),
+        ("full disk", OSError, "No space left"),
         ("killed", RunFolderError, "ended from outside"),
         ("told to stop", RunFolderError, "ended from outside"),
     ],
@@ -91,6 +95,23 @@ def test_ctrl_c_lets_every_lane_save_and_the_next_run_goes_on(tmp_path):
     assert all(int(work.path.read_text()) < 10 for work in works if work.path.exists())
     run_lanes(works, 2, lambda index, news: None, nothing)
     assert [work.path.read_text() for work in works] == ["10", "10"]
+
+
+def test_processes_that_are_just_beginning_leave_ctrl_c_to_the_one_that_started_them(tmp_path):
+    """In a terminal it reaches all of them, wherever they are; only the parent decides."""
+    works = [Count(tmp_path / str(i)) for i in range(2)]
+    hit = set()
+
+    def ctrl_c():
+        for process in multiprocessing.active_children():
+            if process.pid not in hit:
+                hit.add(process.pid)
+                os.kill(process.pid, signal.SIGINT)
+
+    run_lanes(works, 2, lambda index, news: None, ctrl_c)
+    assert len(hit) == 2
+    assert [work.path.read_text() for work in works] == ["10", "10"]
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
 def test_a_lane_that_is_done_is_heard_of_without_a_process(tmp_path):

@@ -10,7 +10,9 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -67,8 +69,8 @@ def run_lanes(
     exception in a work, in `hear` or in `watch` (Ctrl-C arrives there) stops all processes, which save what
     they have, and is raised.
 
-    **Raises:** what a work raised that is a user's mistake; `RunFolderError` for a process that was killed;
-    `RuntimeError` with the other process's traceback for anything else.
+    **Raises:** what a work raised that is a user's mistake, or an `OSError`; `RunFolderError` for a process
+    that was killed; `RuntimeError` with the other process's traceback for anything else.
     """
     waiting = deque(enumerate(works))
     running: dict[Connection, tuple[int, BaseProcess]] = {}
@@ -82,7 +84,8 @@ def run_lanes(
                     continue
                 ours, theirs = context.Pipe(duplex=False)
                 process = context.Process(target=_work, args=(work, theirs, os.getpid()), daemon=True)
-                process.start()
+                with _ctrl_c_blocked():
+                    process.start()
                 theirs.close()
                 running[ours] = (index, process)
             watch()
@@ -104,6 +107,17 @@ def run_lanes(
             process.terminate()
         for _, process in running.values():
             process.join()
+
+
+@contextmanager
+def _ctrl_c_blocked() -> Iterator[None]:
+    """Processes that are started in here do not hear Ctrl-C, not even before `_work` begins."""
+    resource_tracker.ensure_running()  # it would unblock the signal when a process is what starts it
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _require_success(work: LaneWork, exitcode: int | None) -> None:
@@ -136,7 +150,7 @@ def _work(work: LaneWork, channel: Connection, parent: int) -> None:
         work.run(tell)
     except KeyboardInterrupt:
         sys.exit(1)  # a parent that told it to stop no longer looks; to any other it has not finished
-    except CoachableError as error:
+    except (CoachableError, OSError) as error:
         channel.send(error)
     except Exception:
         channel.send(RuntimeError(f"{work.name} failed in its process:\n{traceback.format_exc()}"))
