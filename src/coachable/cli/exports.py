@@ -67,8 +67,12 @@ def export(
         coachable export compass-walking -o automaton.xml
     """
     if out.suffix.lower() == ".onnx":
+        if baseline is not None or clock is not None:
+            raise CoachableError(f"{out} holds a policy alone; leave out --baseline and --clock")
         _write_onnx(what, setup, seed, which, out)
         return
+    from coachable.studies.files import write_atomic
+
     if (write := _WRITERS.get(out.suffix.lower())) is None:
         raise CoachableError(f"{out}: give a file that ends in {', '.join(('.onnx', *_WRITERS))}")
     if what is not None and Path(what).is_dir():
@@ -79,7 +83,7 @@ def export(
         if setup is not None or seed is not None:
             raise CoachableError(f"--setup and --seed name a lane of a run, but {what or 'no run'} is given")
         model = _behaviour(what or "compass-walking", baseline, clock)
-    out.write_text(write(model), encoding="utf-8")
+    write_atomic(out, write(model))
     print(f"{out}: {model.name}")
 
 
@@ -131,6 +135,8 @@ def _behaviour(
 
     behaviour = load_behaviour(name)
     if baseline is None:
+        if clock is not None:
+            raise CoachableError("free inputs are not sampled; give a --baseline, or leave out --clock")
         return Model(f"{behaviour.name}, free inputs", behaviour, None)
     controller = {
         "virtual-gravity": VirtualGravity(CompassWalker()),

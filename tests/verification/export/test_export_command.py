@@ -28,6 +28,10 @@ def test_a_behaviour_is_exported_bare_or_with_a_baseline(capsys, tmp_path, argum
         (["compass-wakling", "-o", "model.kyx"], ["compass-walking"]),
         (["compass-walking", "--seed", "3", "-o", "model.kyx"], ["--seed", "compass-walking"]),
         (["hop", "-o", "model.kyx"], ["no signal"]),
+        (["--clock", "touchdown", "-o", "model.kyx"], ["--clock", "--baseline"]),
+        (["run", "--clock", "free", "-o", "model.onnx"], ["a policy alone", "--clock"]),
+        (["run", "--baseline", "none", "-o", "model.onnx"], ["a policy alone", "--baseline"]),
+        (["-o", "nowhere/model.kyx"], ["nowhere/model.kyx: No such file"]),
     ],
 )
 def test_a_mistake_is_one_clear_message(capsys, tmp_path, monkeypatch, arguments, said):
