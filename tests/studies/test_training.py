@@ -54,6 +54,15 @@ def test_the_resolved_plan_reads_back_as_itself():
     assert parse_training(training.to_toml(), "plan.toml") == training
 
 
+def test_options_of_an_environment_may_be_whatever_toml_has():
+    options = """
+env_options = { day = 2020-01-31, at = 07:32:00, lanes = [{ width = 3.5, marks = ["a"] }, {}], on = true }
+"""
+    training = parse_training(options + PLAN, "plan")
+    assert training.env_options["lanes"] == [{"width": 3.5, "marks": ["a"]}, {}]
+    assert parse_training(training.to_toml(), "again") == training
+
+
 def test_a_behaviour_is_looked_for_beside_the_plan(tmp_path):
     (tmp_path / "plan.toml").write_text(PLAN)
     assert load_training(tmp_path / "plan.toml").behaviour == str(tmp_path / "swing.behaviour")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from datetime import date, time
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -12,8 +13,8 @@ _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 def toml_text(data: Mapping) -> str:
     """`data` as a TOML document, in its own order, plain values of a table before the tables inside it.
 
-    Values are strings, booleans, integers, floats, lists or tuples of them, and mappings from strings to such
-    values. `tomllib.loads(toml_text(data)) == data`, tuples read back as lists.
+    Values are strings, booleans, integers, floats, dates, times, lists or tuples of values, and mappings from
+    strings to values. `tomllib.loads(toml_text(data)) == data`, tuples read back as lists.
     """
     return "\n".join(_table((), data)).lstrip("\n") + "\n"
 
@@ -43,5 +44,9 @@ def _value(value: object) -> str:
             return repr(value)
         case list() | tuple():
             return f"[{', '.join(map(_value, value))}]"
+        case date() | time():
+            return value.isoformat()
+        case Mapping():  # inside of a list
+            return "{" + ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items()) + "}"
         case _:
             raise TypeError(f"{value!r} has no TOML form here")
