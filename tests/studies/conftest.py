@@ -1,8 +1,6 @@
 """A small study, run once: two setups with two seeds, trained for twenty short updates."""
 
-import jax
 import pytest
-from jax.experimental.compilation_cache import compilation_cache
 
 from coachable.studies import survival
 from coachable.studies.plan import load_plan
@@ -23,12 +21,6 @@ n_epochs = 2
 hidden_sizes = [8, 8]
 """
 
-SET_BY_A_STUDY = (
-    "jax_compilation_cache_dir",
-    "jax_persistent_cache_min_compile_time_secs",
-    "jax_cpu_enable_async_dispatch",
-)
-
 
 @pytest.fixture(scope="session")
 def cache_folder(tmp_path_factory):
@@ -47,12 +39,7 @@ def small_plan(tmp_path_factory):
 @pytest.fixture(scope="session")
 def small_run(tmp_path_factory, cache_folder, small_plan):
     """The finished run of the small study; not to be written to."""
-    before = {name: jax.config.values[name] for name in SET_BY_A_STUDY}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(survival, "NUM_STARTS", 20)
         patch.setenv("XDG_CACHE_HOME", str(cache_folder))
-        run = run_study(load_plan(small_plan), tmp_path_factory.mktemp("runs") / "small", progress=False)
-    for name, value in before.items():
-        jax.config.update(name, value)
-    compilation_cache.reset_cache()
-    return run
+        return run_study(load_plan(small_plan), tmp_path_factory.mktemp("runs") / "small", progress=False)

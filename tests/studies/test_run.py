@@ -11,6 +11,7 @@ import coachable as co
 from coachable.errors import RunFolderError
 from coachable.plants.compass import STATE_NAMES
 from coachable.rewards.setup import TERM_NAMES
+from coachable.studies import runner
 from coachable.studies.columns import SCHEMAS
 from coachable.studies.store import Run
 
@@ -21,6 +22,24 @@ LANES = ("sparse-3", "sparse-4", "forward+orthant-3", "forward+orthant-4")
 def copied_run(small_run, tmp_path):
     """A folder that may be damaged."""
     return shutil.copytree(small_run.path, tmp_path / "run")
+
+
+def test_a_study_leaves_jax_as_it_was(small_plan, tmp_path, monkeypatch):
+    """Its own cache of programs is not that of the program that calls it."""
+    monkeypatch.setattr(runner, "walk_baseline", lambda study, behaviour: ({}, None))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    within = []
+
+    def stopped(*arguments):
+        within.append(dict(jax.config.values))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(runner, "_train", stopped)
+    before = dict(jax.config.values)
+    with pytest.raises(KeyboardInterrupt):
+        co.study(small_plan, tmp_path / "run", progress=False)
+    assert within[0]["jax_compilation_cache_dir"] == str(tmp_path / "cache" / "coachable" / "jax")
+    assert dict(jax.config.values) == before
 
 
 def test_the_folder_is_complete_and_holds_nothing_else(small_run):

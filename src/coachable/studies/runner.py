@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from itertools import accumulate, pairwise
 from pathlib import Path
 
 import jax
 import numpy as np
+from jax.experimental.compilation_cache import compilation_cache
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.studies.folder import RunFolder
@@ -52,7 +53,7 @@ def run_study(
     if study.trainer != "ppo":
         require_sb3(study.trainer, study.sb3)
     out.mkdir(parents=True, exist_ok=True)
-    with locked(out), jax.enable_x64(False):
+    with locked(out), jax.enable_x64(False), _jax_as_it_was():
         folder = None
         if (out / "manifest.json").exists():
             folder = RunFolder.resume(Run.open(out), study, behaviour, allow_different_layout)
@@ -70,12 +71,32 @@ def run_study(
     return Run.open(out)
 
 
+_SET_UP = (
+    "jax_compilation_cache_dir",
+    "jax_persistent_cache_min_compile_time_secs",
+    "jax_cpu_enable_async_dispatch",
+)
+
+
 def set_up_jax() -> None:
     """Keep compiled programs between runs, and let each one run in the thread that calls it."""
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "coachable" / "jax"
     jax.config.update("jax_compilation_cache_dir", str(cache))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     jax.config.update("jax_cpu_enable_async_dispatch", False)
+
+
+@contextmanager
+def _jax_as_it_was() -> Iterator[None]:
+    """Whoever calls from a program of their own has their own settings of JAX again, and their own cache."""
+    before = {name: jax.config.values[name] for name in _SET_UP}
+    try:
+        yield
+    finally:
+        if before != {name: jax.config.values[name] for name in _SET_UP}:
+            for name, value in before.items():
+                jax.config.update(name, value)
+            compilation_cache.reset_cache()
 
 
 Lanes = Sequence[Group] | Sequence[SB3Lane]
