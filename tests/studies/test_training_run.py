@@ -1,13 +1,19 @@
 """A small training of a pendulum: its folder, its numbers, going on, and what is refused beforehand."""
 
 import json
+import random
 import shutil
+from dataclasses import replace
+from typing import ClassVar
 
+import gymnasium
 import numpy as np
 import pytest
 from PIL import Image
 
 pytest.importorskip("stable_baselines3", reason="needs the [sb3] extra: pip install 'coachable[sb3]'")
+
+import torch
 
 from coachable import cli
 from coachable.analysis.training_table import by_seed, final
@@ -15,8 +21,9 @@ from coachable.behaviours.text.parser import parse
 from coachable.errors import BehaviourError, CoachableError, PlanError, RunFolderError
 from coachable.studies.store import Run, TrainingRun, open_run
 from coachable.studies.training import load_training, parse_training
-from coachable.studies.training_lane import make_env, walk_episodes
+from coachable.studies.training_lane import make_env, require_trainable, walk_episodes
 from coachable.studies.training_runner import run_training
+from coachable.studies.training_walks import recorded_walk
 
 pytestmark = pytest.mark.sb3
 
@@ -236,6 +243,53 @@ def test_a_trained_robot_can_be_watched(run, tmp_path, capsys):
     _, err, status = call(capsys, "watch", run.path, "-o", tmp_path / "swing.png")
     assert status == 2
     assert "in a film: .gif or .mp4" in err
+
+
+class Closing(gymnasium.Wrapper):
+    """Notes which environments are open."""
+
+    open: ClassVar[set] = set()
+
+    def __init__(self, env):
+        super().__init__(env)
+        self.open.add(self)
+
+    def close(self):
+        self.open.discard(self)
+        super().close()
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    make = gymnasium.make
+    monkeypatch.setattr(gymnasium, "make", lambda *args, **kwargs: Closing(make(*args, **kwargs)))
+    Closing.open.clear()
+    return Closing.open
+
+
+def test_trying_a_plan_out_leaves_nothing_behind(plan, opened):
+    training = parse_training(plan.read_text() + "n_envs = 2\n", "plan")
+    num_threads = torch.get_num_threads()
+    torch.set_num_threads(num_threads + 1)
+    drawn = []
+    for seed in (7, 8):
+        np.random.seed(seed), torch.manual_seed(seed)
+        expected = np.random.random(), torch.rand(1).item()
+        random.seed(seed), np.random.seed(seed), torch.manual_seed(seed)
+        require_trainable(training, parse(SWING))
+        assert (np.random.random(), torch.rand(1).item()) == expected
+        drawn.append(random.random())  # beartype draws from it, too, so what comes is not known
+    assert drawn[0] != drawn[1]
+    assert torch.get_num_threads() == num_threads + 1
+    assert not opened
+    torch.set_num_threads(num_threads)
+
+
+def test_a_walk_that_fails_closes_its_environment(run, opened):
+    broken = replace(run, plan=replace(run.plan, signals={"height": 0, "speed": 99}))
+    with pytest.raises(IndexError):
+        recorded_walk(broken, "alone", 0)
+    assert not opened
 
 
 def test_commands_for_studies_say_that_this_is_a_training(run, tmp_path, capsys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import random
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from typing import Any
@@ -75,7 +76,8 @@ def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
 class Learner:
     """One lane: an algorithm with its environment, its networks, and all that a checkpoint has to hold.
 
-    On the CPU, in one thread: cores are kept busy by lanes side by side.
+    On the CPU, in one thread: cores are kept busy by lanes side by side. That, and the seeds of Python's,
+    NumPy's and torch's own random generators, is set for the whole process; see `process_as_it_was`.
 
     **Arguments:**
         trainer: a key of `ALGORITHMS`.
@@ -173,6 +175,10 @@ class Learner:
             squashing=squashing,
             **self._scaling(),
         )
+
+    def close(self) -> None:
+        """Close its environments."""
+        self._model.env.close()
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All that has to be kept for going on: networks, optimisers, replay buffer, random generators.
@@ -292,6 +298,20 @@ def _subnormals_as_zeros() -> Iterator[None]:
         yield
     finally:
         torch.set_flush_denormal(False)
+
+
+@contextmanager
+def process_as_it_was() -> Iterator[None]:
+    """What a `Learner` sets for the whole process is afterwards what it was: random generators, threads."""
+    python, numpy, of_torch = random.getstate(), np.random.get_state(), torch.get_rng_state()
+    num_threads = torch.get_num_threads()
+    try:
+        yield
+    finally:
+        random.setstate(python)
+        np.random.set_state(numpy)
+        torch.set_rng_state(of_torch)
+        torch.set_num_threads(num_threads)
 
 
 def _policy_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:

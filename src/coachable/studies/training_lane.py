@@ -208,14 +208,17 @@ def require_trainable(training: Training, behaviour: Behaviour) -> None:
 
     **Raises:** what `make_env`, `Learner` and `BehaviourReward` raise.
     """
-    from coachable.learning.sb3 import Learner, require_boxes
+    from coachable.learning.sb3 import Learner, process_as_it_was, require_boxes
 
     for setup in training.setups:
         make = partial(make_env, training, setup, behaviour)
         env = make()
         try:
             require_boxes(env)
-            Learner(training.trainer, make, training.sb3, training.first_seed).policy()
+            with process_as_it_was():
+                learner = Learner(training.trainer, make, training.sb3, training.first_seed)
+                learner.policy()
+                learner.close()
             env.reset(seed=0)
             env.step(env.action_space.sample())
         except CoachableError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -82,11 +83,10 @@ def rendered_walk(run: TrainingRun, setup: str, seed: int, which: Which, seconds
     if sys.platform == "linux" and not os.environ.get("DISPLAY"):
         os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo would look for a window
     policy = run.policy(setup, seed, which)
-    env = make_env(run.plan, run.plan.setup(setup), run.behaviour, render_mode="rgb_array")
-    dt = time_step(env) or UNKNOWN_DT
-    steps = _steps(env, policy, 0, seconds / dt)
-    pictures, phases = zip(*((_picture(env), step.phase) for step in steps), strict=True)
-    env.close()
+    with closing(make_env(run.plan, run.plan.setup(setup), run.behaviour, render_mode="rgb_array")) as env:
+        dt = time_step(env) or UNKNOWN_DT
+        steps = _steps(env, policy, 0, seconds / dt)
+        pictures, phases = zip(*((_picture(env), step.phase) for step in steps), strict=True)
     return RenderedWalk(
         f"{setup}, seed {seed}", np.arange(len(phases)) * dt, np.stack(pictures), np.array(phases)
     )
@@ -106,21 +106,22 @@ def recorded_walk(
     how long a step lasts.
     """
     plan, policy = run.plan, run.policy(setup, seed, which)
-    env = make_env(plan, plan.setup(setup), run.behaviour)
-    dt = time_step(env)
-    if dt is None:
-        raise ParameterError(f"{plan.env} does not say how long a step lasts: it has no dt and no render_fps")
-    has_pack = not plan.signals and plan.env in SIGNAL_PACKS
-    signals = signal_pack(plan.env).signals if has_pack else run.behaviour.signals
-    read = reader_of_one(env, tuple(signal.name for signal in signals), signal_functions(plan))
-    limbs = Limbs.of(env)
-    rows, ends, steps = [], [], []
-    for step in _steps(env, policy, episode, seconds / dt):
-        steps.append(step)
-        rows.append(read(step.observation, step.info))
-        if limbs is not None:
-            ends.append(limbs.ends())
-    env.close()
+    with closing(make_env(plan, plan.setup(setup), run.behaviour)) as env:
+        dt = time_step(env)
+        if dt is None:
+            raise ParameterError(
+                f"{plan.env} does not say how long a step lasts: it has no dt and no render_fps"
+            )
+        has_pack = not plan.signals and plan.env in SIGNAL_PACKS
+        signals = signal_pack(plan.env).signals if has_pack else run.behaviour.signals
+        read = reader_of_one(env, tuple(signal.name for signal in signals), signal_functions(plan))
+        limbs = Limbs.of(env)
+        rows, ends, steps = [], [], []
+        for step in _steps(env, policy, episode, seconds / dt):
+            steps.append(step)
+            rows.append(read(step.observation, step.info))
+            if limbs is not None:
+                ends.append(limbs.ends())
     return RecordedWalk(
         f"{setup}, seed {seed}",
         np.arange(len(steps)) * dt,
