@@ -245,6 +245,17 @@ def test_a_trained_robot_can_be_watched(run, tmp_path, capsys):
     assert "in a film: .gif or .mp4" in err
 
 
+def test_signals_are_recorded_as_the_reward_reads_them(run):
+    """Also where the plan counts columns from the end, and the phase has been appended behind them."""
+    signals = {"height": -3, "speed": -1}
+    from_the_end = replace(run, plan=replace(run.plan, signals=signals))
+    for setup in ("alone", "both"):
+        expected = recorded_walk(run, setup, 0, seconds=1.0)
+        found = recorded_walk(from_the_end, setup, 0, seconds=1.0)
+        for name in signals:
+            np.testing.assert_array_equal(found.values[name], expected.values[name], err_msg=setup)
+
+
 class Closing(gymnasium.Wrapper):
     """Notes which environments are open."""
 

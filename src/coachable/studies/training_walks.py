@@ -106,6 +106,7 @@ def recorded_walk(
     how long a step lasts.
     """
     plan, policy = run.plan, run.policy(setup, seed, which)
+    appended = len(run.behaviour.phases) + 1 if plan.setup(setup).append_phase else 0
     with closing(make_env(plan, plan.setup(setup), run.behaviour)) as env:
         dt = time_step(env)
         if dt is None:
@@ -119,7 +120,9 @@ def recorded_walk(
         rows, ends, steps = [], [], []
         for step in _steps(env, policy, episode, seconds / dt):
             steps.append(step)
-            rows.append(read(step.observation, step.info))
+            # Signals are columns of what the environment itself shows; some count from its end.
+            own = step.observation[: len(step.observation) - appended] if appended else step.observation
+            rows.append(read(own, step.info))
             if limbs is not None:
                 ends.append(limbs.ends())
     return RecordedWalk(
