@@ -84,10 +84,10 @@ def run_lanes(
                     continue
                 ours, theirs = context.Pipe(duplex=False)
                 process = context.Process(target=_work, args=(work, theirs, os.getpid()), daemon=True)
-                with _ctrl_c_blocked():
+                with _ctrl_c_blocked():  # it comes when the process can be stopped
                     process.start()
+                    running[ours] = (index, process)
                 theirs.close()
-                running[ours] = (index, process)
             watch()
             for channel in wait([*running], every):
                 assert isinstance(channel, Connection)
