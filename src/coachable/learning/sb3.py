@@ -35,6 +35,7 @@ _NOT_SETTINGS = {
     "action_noise",
     "_init_setup_model",
 }
+_AT_LEAST_ONE = ("batch_size", "buffer_size", "n_epochs", "policy_delay", "target_update_interval")
 _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
@@ -42,7 +43,8 @@ def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
     """What can be told of settings without an environment.
 
     **Raises:** `PlanError` for a setting that the trainer does not have, with the nearest one it has; for a
-    value of another type than its default's; and for what no policy's file can say.
+    value of another type than its default's, or with which no update can be made; and for what no policy's
+    file can say.
     """
     parameters = inspect.signature(ALGORITHMS[trainer].__init__).parameters
     defaults: dict[str, Any] = {
@@ -60,6 +62,10 @@ def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
         }
         if not fits.get(kind, True):
             raise PlanError(f"{trainer}: {name} must be like {defaults[name]!r}, got {value!r}")
+        if name in _AT_LEAST_ONE and value < 1:
+            raise PlanError(f"{trainer}: {name} must be at least 1, got {value!r}")
+        if value != value:
+            raise PlanError(f"{trainer}: {name} must be a number, got {value!r}")
     arguments = settings.get("policy_kwargs", {})
     if not isinstance(arguments, Mapping):
         raise PlanError(f"{trainer}: policy_kwargs must be a table, got {arguments!r}")
