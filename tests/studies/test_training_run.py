@@ -231,6 +231,9 @@ def test_a_robot_without_feet_has_no_gait(run, capsys):
     _, err, status = call(capsys, "gait", run.path)
     assert status == 2
     assert "no signal that ends in foot_contact" in err
+    _, err, status = call(capsys, "gait", run.path, "--speed", "nan")
+    assert status == 2
+    assert "speed must be a finite number" in err
     assert not (run.path / "gaits.parquet").exists()
 
 
@@ -316,6 +319,9 @@ def test_a_damaged_training_is_refused_with_the_file(run, tmp_path):
     (copy / "evaluations.parquet").write_bytes(b"no table")
     with pytest.raises(RunFolderError, match=r"evaluations\.parquet is damaged"):
         TrainingRun.open(copy).columns("evaluations")
+    (copy / "manifest.json").write_text(json.dumps(manifest | {"files": []}))
+    with pytest.raises(RunFolderError, match=r"manifest\.json is damaged: 'files' cannot be \[\]"):
+        TrainingRun.open(copy)
     del manifest["reward_hashes"]
     (copy / "manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(RunFolderError, match="lacks 'reward_hashes'"):

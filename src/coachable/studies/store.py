@@ -30,8 +30,16 @@ Which = Literal["last", "best"]
 BASELINE = "virtual-gravity"
 """The lane under which the baseline's trajectory is kept."""
 
-_FOR_ALL = ("status", "versions", "platform", "device_layout", "resumed_under", "reward_hashes", "files")
-_MANIFEST_KEYS = {"study": (*_FOR_ALL, "baseline"), "training": (*_FOR_ALL, "env")}
+_FOR_ALL: dict[str, type] = {
+    "status": str,
+    "versions": dict,
+    "platform": dict,
+    "device_layout": dict,
+    "resumed_under": list,
+    "reward_hashes": dict,
+    "files": dict,
+}
+_MANIFEST_KEYS = {"study": _FOR_ALL | {"baseline": dict}, "training": _FOR_ALL | {"env": str}}
 Plan = TypeVar("Plan", "Study", "Training")
 
 
@@ -175,8 +183,13 @@ class RunFiles:
                 "Use the version of coachable that wrote it"
             )
         files = RunFiles(path, manifest)
-        if missing := [key for key in _MANIFEST_KEYS[files.kind] if key not in manifest]:
-            raise RunFolderError(f"{path / 'manifest.json'} is damaged: it lacks {missing[0]!r}")
+        for key, kind in _MANIFEST_KEYS[files.kind].items():
+            if key not in manifest:
+                raise RunFolderError(f"{path / 'manifest.json'} is damaged: it lacks {key!r}")
+            if not isinstance(manifest[key], kind):
+                raise RunFolderError(
+                    f"{path / 'manifest.json'} is damaged: {key!r} cannot be {manifest[key]!r}"
+                )
         return files
 
     @property
