@@ -51,7 +51,7 @@ def test_its_commands_run(folder, monkeypatch, capsys):
     monkeypatch.setattr(sb3_lane, "SECONDS_BETWEEN_CHECKPOINTS", 1e9)
     monkeypatch.setattr(training_runner, "run_lanes", one_after_another)
     commands = [line for kind, _, text in BLOCKS if kind == "sh" for line in text.splitlines()]
-    assert len(commands) == 4
+    assert len(commands) == 5
     for command in commands:
         program, *arguments = shlex.split(command)
         assert program == "coachable"

@@ -85,10 +85,7 @@ def test_a_study_of_other_setups_has_no_columns_of_the_paper_and_no_claims(table
     runs = measure_tables(*tables(("mine", "yours")))
     said = sections(runs)
     assert not any("paper" in section.header for section in said)
-    (claims,) = (section for section in said if section.title == "Claims")
-    assert [row[0] for row in claims.rows] == ["C1", "C2", "C3", "C4", "C5", "C6"]
-    assert all(row[-1].startswith("not applicable: no setup") for row in claims.rows)
-    assert not any("rest on" in section.title for section in said)
+    assert not any("laims" in section.title for section in said)
 
 
 def test_a_setup_of_one_s_own_beside_the_paper_s_has_dashes(tables):

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from coachable import cli
+from coachable.cli.descriptions import warn_of_errors
 
 
 def run(capsys, *arguments):
@@ -121,6 +122,19 @@ def test_a_reader_who_has_enough_is_not_told_so():
     os.close(writing)
     assert done.returncode == 1
     assert done.stderr == ""
+
+
+def test_a_description_with_errors_is_said_to_have_them_before_it_is_trained(capsys, tmp_path):
+    wrong = tmp_path / "wrong.behaviour"
+    wrong.write_text(
+        'behaviour "wrong"\nsignals\n  x [m]\nphases\n  a: x > 1, x < 0\n  b: x > 2\ncycle\n  a -> b -> a\n'
+    )
+    warn_of_errors(str(wrong))
+    said = capsys.readouterr().err
+    assert "has 1 error" in said
+    assert f"coachable check {wrong}" in said
+    warn_of_errors("compass-walking")
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("command", [["study", "plan.toml"], ["train", "--settings", "plan.toml"]])

@@ -80,7 +80,7 @@ def test_options_replace_what_the_plan_says():
 
 def test_options_alone_are_a_plan():
     training = load_training(None, env="Walker2d-v5", behaviour="perry-gait", steps=100)
-    assert (training.name, training.setups) == ("Walker2d-v5", (DescribedSetup(name="described"),))
+    assert (training.name, training.setups) == ("Walker2d-v5", (DescribedSetup(name="both"),))
 
 
 @pytest.mark.parametrize(

@@ -129,7 +129,13 @@ def test_the_survey_measures_every_episode(run, capsys):
     edges = np.count_nonzero((first.phase[1:] != first.phase[:-1]) & first.follows[1:])
     assert gaits["cycles"][row] * first.time[-1] == pytest.approx(edges // 2, abs=0.6)
     table = (run.path / "gaits.md").read_text()
-    for words in ("gaits of the seeds", "whole cycles [1/s]", "environment's return", "0.1 m/s after", "fell [%]"):
+    for words in (
+        "gaits of the seeds",
+        "whole cycles [1/s]",
+        "environment's return",
+        "0.1 m/s after",
+        "fell [%]",
+    ):
         assert words in table
         assert words in told
     with Image.open(run.path / "footfalls.png") as picture:

@@ -45,7 +45,7 @@ def sections_of(runs: Measurements, claims: Sequence[Claim]) -> tuple[Section, .
         _spread_of_final(setups),
         _walking_on(setups),
         *_improvements(runs),
-        _claims(runs, claims),
+        *_claims(runs, claims),
         *_comparisons(claims),
     )
 
@@ -194,28 +194,27 @@ def _improvements(runs: Measurements) -> list[Section]:
     return [_section(title, ("setups", "highest distance", "final distance"), rows)] if rows else []
 
 
-def _claims(runs: Measurements, claims: Sequence[Claim]) -> Section:
+def _claims(runs: Measurements, claims: Sequence[Claim]) -> list[Section]:
+    if not any(claim.comparisons for claim in claims):
+        return []  # the paper claims nothing of these setups
     notes = [
         "p: permutation test (C4: bootstrap-t), two-sided. Holm: corrected for all claims; decided at 0.05."
     ]
     fewest = min(setup.num_runs for setup in runs.setups)
-    if any(claim.comparisons for claim in claims) and fewest < SEEDS_TO_DECIDE:
+    if fewest < SEEDS_TO_DECIDE:
         notes.append(f"{fewest} runs a setup decide little: such differences often do not replicate.")
-    return _section(
-        "Claims",
-        ("claim", "says", "p", "Holm", "verdict"),
-        [
-            (
-                claim.name,
-                claim.statement,
-                p_value(claim.p),
-                p_value(claim.p_holm),
-                f"{claim.verdict}: {claim.reason}" if claim.reason else str(claim.verdict),
-            )
-            for claim in claims
-        ],
-        *notes,
-    )
+    header = ("claim", "says", "p", "Holm", "verdict")
+    rows = [
+        (
+            claim.name,
+            claim.statement,
+            p_value(claim.p),
+            p_value(claim.p_holm),
+            f"{claim.verdict}: {claim.reason}" if claim.reason else str(claim.verdict),
+        )
+        for claim in claims
+    ]
+    return [_section("Claims", header, rows, *notes)]
 
 
 def _comparisons(claims: Sequence[Claim]) -> list[Section]:

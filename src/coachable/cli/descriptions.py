@@ -61,6 +61,27 @@ def check(
         sys.exit(1)
 
 
+def warn_of_errors(behaviour: str) -> None:
+    """Say on stderr that a description, a shipped name or a file, has errors, as `check` tells.
+
+    No refusal: what is proven impossible is so for continuous signals, and a simulator's may jump.
+    """
+    from coachable.behaviours.library import SHIPPED, load_behaviour
+
+    if behaviour in SHIPPED:
+        return
+    from coachable.behaviours.checking.checker import check as find
+
+    errors = [finding for finding in find(load_behaviour(behaviour)).findings if finding.severity == "error"]
+    if errors:
+        count = f"{len(errors)} error{'s' * (len(errors) > 1)}"
+        print(
+            f"coachable: {behaviour} has {count}, the first: {errors[0].message} It is trained as it stands; "
+            f"`coachable check {behaviour}` tells what to change.",
+            file=sys.stderr,
+        )
+
+
 def _crossings(behaviour: Behaviour) -> tuple[Crossing, ...]:
     from coachable.automata.crossing import explain_crossings
     from coachable.automata.hybrid import HybridAutomaton

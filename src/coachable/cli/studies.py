@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from coachable.cli.descriptions import warn_of_errors
 from coachable.cli.options import Semantics, option
 from coachable.errors import CoachableError
 
@@ -73,6 +74,7 @@ def study(
         seeds=seeds,
         setups=setups,
     )
+    warn_of_errors(resolved.behaviour)
     folder = out or Path("runs") / resolved.name
     run_study(resolved, folder, allow_different_layout=allow_different_layout)
     table(folder)

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
+from coachable.cli.descriptions import warn_of_errors
 from coachable.cli.options import option
 from coachable.errors import PlanError
 
@@ -95,6 +96,7 @@ def train(
         evaluate_every=evaluate_every,
         seeds=seeds,
     )
+    warn_of_errors(training.behaviour)
     run = run_training(
         training,
         out or Path("runs") / training.name,
@@ -129,6 +131,7 @@ def _train_compass_walker(
         behaviour=behaviour,
         **said,
     )
+    warn_of_errors(study.behaviour)
     folder = out or Path("runs") / study.name
     run_study(study, folder, allow_different_layout=allow_different_layout)
     table(folder)

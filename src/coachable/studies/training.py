@@ -75,7 +75,7 @@ class Training:
     """Episodes an evaluation; always the same starts."""
     first_seed: int = 0
     num_seeds: int = 1
-    setups: tuple[DescribedSetup, ...] = (DescribedSetup(name="described"),)
+    setups: tuple[DescribedSetup, ...] = (DescribedSetup(name="both"),)
     sb3: Mapping[str, Any] = field(default_factory=dict, hash=False)
     """The trainer's settings that differ from its defaults; see `learning.sb3.Learner`."""
 

@@ -16,8 +16,8 @@ from coachable.viewing.walk import runs_of
 
 STROBE_SECONDS = 1.5
 """How much of a walk is shown."""
-_BELOW = 0.42
-"""What is under the ground: its scale and the phases [m]."""
+_BELOW = 0.55
+"""What is under the ground: its scale, the phases, and names for which the strip is too narrow [m]."""
 _MARGIN = 0.5
 """To the left and right of the robot [m]."""
 
@@ -66,18 +66,29 @@ def _draw_ground(axes: Axes) -> None:
     for x in np.arange(np.ceil(left), right):
         axes.plot([x, x], [0, -0.03], color=INK, linewidth=0.7)
         if left + 0.2 < x < right - 0.2:
-            write(axes, (x, -0.05), f"{x:g} m".replace("-", "−"), FAINT, "top")
+            write(axes, (x, -0.05), f"{x + 0.0:g} m".replace("-", "−"), FAINT, "top")
 
 
 def _draw_phases(axes: Axes, view: SideView) -> None:
-    """The phases over time; the strip is as long as the time that is shown."""
-    names = [phase.name.replace("_", " ") for phase in view.phases]
-    colours, count = phase_colours(len(names)), len(view.time)
+    """The phases over time; the strip is as long as the time that is shown.
+
+    Phases that are nowhere long enough for their names are named beneath.
+    """
+    names = [*(phase.name.replace("_", " ") for phase in view.phases), "in no phase"]
+    colours, count = phase_colours(len(view.phases)), len(view.time)
     left, right = axes.get_xlim()
     left, right = left + 0.1, right - 0.1
     low, height, letter = -0.36, 0.13, 0.0075 * (right - left)
+    unnamed: dict[int, bool] = {}
     for phase, start, stop in runs_of(view.phase):
         begin, end = (left + (right - left) * sample / count for sample in (start, stop))
         axes.add_patch(Rectangle((begin, low), end - begin, height, facecolor=colours[phase], linewidth=0))
-        if phase < len(names) and end - begin > letter * len(names[phase]):
+        has_room = end - begin > letter * len(names[phase])
+        unnamed[phase] = unnamed.get(phase, True) and not has_room
+        if has_room:
             write(axes, ((begin + end) / 2, low + height / 2), names[phase], INK, "center_baseline")
+    for phase in sorted(phase for phase, is_so in unnamed.items() if is_so):
+        axes.add_patch(Rectangle((left, -0.5), 0.07, 0.07, facecolor=colours[phase], linewidth=0))
+        width = letter * len(names[phase])
+        write(axes, (left + 0.1 + width / 2, -0.465), names[phase], INK, "center_baseline")
+        left += 0.2 + width

@@ -157,7 +157,7 @@ def _draw_ground(axes: Axes, left: float, right: float, bottom: float, scale: fl
     for x in np.arange(np.ceil(2 * left) / 2, right, 0.5):
         axes.plot([x, x], [0, -0.015 * scale], color=INK, linewidth=0.7, zorder=ABOVE)
         if left + 0.1 * scale < x < right - 0.1 * scale:
-            write(axes, (x, -0.03 * scale), f"{x:g} m".replace("-", "−"), FAINT, "top")
+            write(axes, (x, -0.03 * scale), f"{x + 0.0:g} m".replace("-", "−"), FAINT, "top")
 
 
 def _draw_phases(
