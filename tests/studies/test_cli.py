@@ -124,6 +124,15 @@ def test_a_reader_who_has_enough_is_not_told_so():
     assert done.stderr == ""
 
 
+def test_a_training_plan_for_the_compass_walker_is_sent_to_the_studies(capsys, tmp_path):
+    plan = tmp_path / "plan.toml"
+    plan.write_text('env = "coachable/CompassWalker-v0"\nbehaviour = "compass-walking"\n')
+    _, err, status = run(capsys, "train", plan, "--out", tmp_path / "run")
+    assert status == 2
+    assert "coachable study" in err
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_description_with_errors_is_said_to_have_them_before_it_is_trained(capsys, tmp_path):
     wrong = tmp_path / "wrong.behaviour"
     wrong.write_text(

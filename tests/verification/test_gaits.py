@@ -54,6 +54,7 @@ def two(left, right, **rest):
         (Clockwork({"": 0.4}), "hops"),
         (Clockwork({"": 1.0}), "shuffles"),
         (Clockwork({}), "shuffles"),
+        (Clockwork({"a_": 0.3, "b_": 0.3, "c_": 0.3, "d_": 0.3}), "moves"),
     ],
 )
 def test_a_gait_is_told_by_when_its_feet_are_on_the_ground(walk, name):

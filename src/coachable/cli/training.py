@@ -71,7 +71,7 @@ def train(
         coachable train walker2d.toml --out runs/walker2d
         coachable train --env coachable/CompassWalker-v0 --behaviour compass-walking --seeds 5
     """
-    if env is not None and env.removeprefix("coachable.envs:") == COMPASS_WALKER:
+    if env is not None and _is_compass_walker(env):
         if plan is not None or weight is not None or workers is not None or track != "none":
             raise PlanError(
                 "the compass walker takes no PLAN, --weight, --track or --workers; see `coachable study`"
@@ -96,6 +96,10 @@ def train(
         evaluate_every=evaluate_every,
         seeds=seeds,
     )
+    if _is_compass_walker(training.env):
+        raise PlanError(
+            f"{training.env} has plans of its own, see `coachable study`; for one setup, name it by --env"
+        )
     warn_of_errors(training.behaviour)
     run = run_training(
         training,
@@ -105,6 +109,10 @@ def train(
         allow_different_layout=allow_different_layout,
     )
     tell_training(run, run.path)
+
+
+def _is_compass_walker(env: str) -> bool:
+    return env.removeprefix("coachable.envs:") == COMPASS_WALKER
 
 
 def _train_compass_walker(

@@ -92,16 +92,19 @@ def measures(walk: Recorded) -> dict[str, float]:
 
 
 def gait(walk: Recorded) -> str:
-    """The gait in a word: *stands*, *walks*, *runs*, *hops*, *hops on left*, *gallops*, *shuffles*.
+    """The gait in a word: *stands*, *walks*, *runs*, *hops*, *hops on left*, *gallops*, *shuffles*, *moves*.
 
     Of two feet that alternate, half a stride apart within 0.15, a duty factor above ½ makes a walk and one
     below a run (Alexander, Physiological Reviews 1989); together within 0.15 of a stride they hop; in
-    between they gallop. A robot on one foot hops if it flies. Who goes without strides shuffles.
+    between they gallop. A robot on one foot hops if it flies. Who goes without strides shuffles. Gaits of
+    more than two feet have other names; such a robot moves.
     """
     found = measures(walk)
     if not abs(found["speed"]) > SLOWEST:
         return "stands"
     contacts = feet(walk)
+    if len(contacts) > 2:
+        return "moves"
     counts = {name: len(touchdowns(contact)) for name, contact in contacts.items()}
     total = sum(counts.values())
     if len(counts) != 2 or total < 2:
