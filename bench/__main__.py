@@ -113,9 +113,11 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="tiny sizes, to see that it runs")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every measurement there, too")
     arguments = parser.parse_args()
+    known = list(programs("", arguments.quick))
+    for name in arguments.names:
+        if not any(each.startswith(name) for each in known):
+            parser.error(f"no program's name begins with {name!r}; there are: {'; '.join(known)}")
     measured = measure_in_turns(arguments.names, arguments.rounds, arguments.quick)
-    if not measured:
-        parser.error(f"no such program; there are {', '.join(programs('', arguments.quick))}")
     machine = f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
     print(f"{machine}; medians of {arguments.rounds} rounds\n\n{markdown(report(measured))}")
     if arguments.json:
