@@ -72,23 +72,25 @@ def _draw_ground(axes: Axes) -> None:
 def _draw_phases(axes: Axes, view: SideView) -> None:
     """The phases over time; the strip is as long as the time that is shown.
 
-    Phases that are nowhere long enough for their names are named beneath.
+    Phases that are nowhere long enough for their names are named beneath, as many as there is room for.
     """
     names = [*(phase.name.replace("_", " ") for phase in view.phases), "in no phase"]
     colours, count = phase_colours(len(view.phases)), len(view.time)
     left, right = axes.get_xlim()
     left, right = left + 0.1, right - 0.1
     low, height, letter = -0.36, 0.13, 0.0075 * (right - left)
-    unnamed: dict[int, bool] = {}
+    seen, named = set(), set()
     for phase, start, stop in runs_of(view.phase):
         begin, end = (left + (right - left) * sample / count for sample in (start, stop))
         axes.add_patch(Rectangle((begin, low), end - begin, height, facecolor=colours[phase], linewidth=0))
-        has_room = end - begin > letter * len(names[phase])
-        unnamed[phase] = unnamed.get(phase, True) and not has_room
-        if has_room:
+        seen.add(phase)
+        if end - begin > letter * len(names[phase]):
+            named.add(phase)
             write(axes, ((begin + end) / 2, low + height / 2), names[phase], INK, "center_baseline")
-    for phase in sorted(phase for phase, is_so in unnamed.items() if is_so):
-        axes.add_patch(Rectangle((left, -0.5), 0.07, 0.07, facecolor=colours[phase], linewidth=0))
+    for phase in sorted(seen - named):
         width = letter * len(names[phase])
+        if left + 0.1 + width > right:
+            break
+        axes.add_patch(Rectangle((left, -0.5), 0.07, 0.07, facecolor=colours[phase], linewidth=0))
         write(axes, (left + 0.1 + width / 2, -0.465), names[phase], INK, "center_baseline")
         left += 0.2 + width
