@@ -64,6 +64,9 @@ normalize = true
 """
 
 
+STANDING_HOPPER = 'env_options = { frame_skip = 0 }\nenv = "Hopper-v5"'
+
+
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory):
     folder = tmp_path_factory.mktemp("plans")
@@ -185,6 +188,12 @@ def test_the_environments_reward_can_be_put_together_anew(plan):
     [
         ("Pendulum-v1", "Pendulun-v1", PlanError, "cannot be made"),
         ("Pendulum-v1", "no_such_module:Thing-v0", PlanError, "cannot be made"),
+        (
+            'env = "Pendulum-v1"',
+            STANDING_HOPPER,
+            PlanError,
+            "with frame_skip = 0: ZeroDivisionError",
+        ),
         ("Pendulum-v1", "CartPole-v1", PlanError, "actions must be a row"),
         ("height = 0\n", "", CoachableError, "height"),
         ("speed = 2", "speed = 9", PlanError, "a signal is not where the plan says"),

@@ -68,8 +68,14 @@ def make_env(
     except gymnasium.error.DependencyNotInstalled as error:
         extra = "box2d" if "box2d" in str(error).lower() else "mujoco"
         raise MissingExtraError(training.env, extra) from None
-    except (gymnasium.error.Error, ImportError, OSError, TypeError, ValueError) as error:
+    except (gymnasium.error.Error, ImportError) as error:
         raise PlanError(f"{training.env!r} cannot be made: {error}") from None
+    # Whatever it is that somebody's constructor raises, it raises it at the options of the plan.
+    except Exception as error:
+        told = ", ".join(f"{name} = {value!r}" for name, value in options.items()) or "no options"
+        raise PlanError(
+            f"{training.env!r} cannot be made with {told}: {type(error).__name__}: {error}"
+        ) from error
     return BehaviourReward(
         OwnReward(env, setup.terms),
         behaviour,
