@@ -49,13 +49,16 @@ def test_it_pays_and_tells_what_arrays_do(description, episodes, variant, dt, bo
     run = RunReward(reward)
     for xs, terminates in episodes:
         memory = reward.init(np.array([xs[0]]))
-        assert run.begin({"x": xs[0]}) == memory.phase.location
+        begun = run.begin([xs[0]])
+        assert (begun.location, begun.phase) == (memory.phase.location, reward.phase_names[begun.location])
+        assert (begun.paid, begun.cycles, set(begun.verdict.values())) == (0.0, 0, {False})
         for number, x in enumerate(xs[1:], start=2):
             terminated = terminates and number == len(xs)
             memory, paid, info = reward.step(memory, np.array([x]), terminated)
-            step = run.step({"x": x}, terminated)
+            step = run.step([x], terminated)
             assert step.paid == paid
             assert (step.location, step.cycles) == (info.phase, info.cycles)
+            assert step.phase == reward.phase_names[step.location]
             assert step.verdict == {name: bool(getattr(info, name)) for name in VERDICTS}
             assert step.gone == memory.gone
 
@@ -63,8 +66,8 @@ def test_it_pays_and_tells_what_arrays_do(description, episodes, variant, dt, bo
 def test_it_tells_pythons_own_numbers():
     behaviour = closed(behaviour_of(POSITIVE))
     run = RunReward(DescribedReward(behaviour, dt=0.1, cycle_bonus=1.0))
-    run.begin({"x": 0.3})
-    step = run.step({"x": -0.3}, False)
+    run.begin([0.3])
+    step = run.step([-0.3], False)
     assert [type(value) for value in (step.paid, step.location, step.cycles)] == [float, int, int]
     assert {type(value) for value in step.verdict.values()} == {bool}
 
@@ -76,7 +79,7 @@ def test_what_a_step_is_worth_is_worked_out_once(terminated, monkeypatch):
     monkeypatch.setattr(DescribedReward, "worth", lambda *args: asked.append(args) or worth(*args))
     run = RunReward(reward)
     for _ in range(3):
-        run.begin({"x": 0.3})
+        run.begin([0.3])
         for _ in range(20):
-            run.step({"x": 0.3}, terminated)
+            run.step([0.3], terminated)
     assert len(asked) == 1

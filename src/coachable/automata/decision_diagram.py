@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from coachable.automata.tracker import Tracker
-from coachable.behaviours.expressions import Floats
-from coachable.behaviours.predicates import All, Decision, Not, Predicate, decision
+from coachable.behaviours.expressions import Constant, Floats, Number, Variable
+from coachable.behaviours.predicates import OPERATORS, All, Comparison, Not, Predicate, decision
 from coachable.behaviours.rewriting import expanded
+
+Holds = Callable[[Any, float], bool]
 
 Candidates = tuple[tuple[tuple[Predicate, ...], int], ...]
 """Locations in their order, each after what is not known yet and must hold there."""
 
 
 class DecisionDiagram:
-    """Finds the location of one run whose signals come as plain floats by their names.
+    """Finds the location of one run whose signals come as plain floats in a row.
 
     It asks whether a predicate holds, and by the answer what to ask next, until one location is left. No
     predicate is asked twice, however many phases it is a part of. What to ask after which answers is worked
@@ -27,6 +30,7 @@ class DecisionDiagram:
     """
 
     def __init__(self, tracker: Tracker):
+        self._places = {signal: place for place, signal in enumerate(tracker.classifier.signals)}
         self._outside = tracker.classifier.outside
         self._questions: dict[Candidates, _Question] = {}
         phases = tuple(
@@ -39,18 +43,19 @@ class DecisionDiagram:
             for index, stays in enumerate((*tracker.staying, None, None))
         ]
 
-    def locate(self, values: Mapping[str, float], previous: int) -> int:
+    def locate(self, values: Sequence[float], previous: int) -> int:
         """Where the run is, which was at the location `previous`, or *none yet*, one sample ago.
 
-        **Arguments:** `values`: the behaviour's signals, and no others.
+        **Arguments:** `values`: the behaviour's signals in its order.
         """
         # A sum with a NaN in it is NaN. Infinities can make it that, too.
-        total = sum(values.values())
-        if total != total and any(map(math.isnan, values.values())):
+        total = sum(values)
+        if total != total and any(map(math.isnan, values)):
             return self._outside
         question = self._first[previous]
-        while question.holds is not None:
-            answer = question.holds(values)
+        while (holds := question.holds) is not None:
+            signal = question.signal
+            answer = holds(values if signal is None else values[signal], question.bound)
             question = question.after[answer] or self._follow(question, answer)
         return question.location
 
@@ -68,9 +73,19 @@ class DecisionDiagram:
         """The question about the first candidate, or the answer that it is the one."""
         if candidates not in self._questions:
             conditions, location = candidates[0] if candidates else ((), self._outside)
-            holds = decision(_asked(candidates), _AsInColumns) if conditions else None
-            self._questions[candidates] = _Question(candidates, location, holds)
+            asked = self._asking(_asked(candidates)) if conditions else (None, None, 0.0)
+            self._questions[candidates] = _Question(candidates, location, *asked)
         return self._questions[candidates]
+
+    def _asking(self, predicate: Predicate) -> tuple[Holds, int | None, float]:
+        """How a predicate is asked; see `_Question`."""
+        match predicate:
+            case Comparison(Variable(signal), relation, Number(bound)) | Comparison(
+                Variable(signal), relation, Constant(number=Number(bound))
+            ):
+                return OPERATORS[relation], self._places[signal], bound
+        decide = decision(predicate, _AsInColumns, self._places)
+        return lambda values, _: decide(values), None, 0.0
 
 
 @dataclass(slots=True, eq=False)
@@ -78,7 +93,10 @@ class _Question:
     candidates: Candidates
     location: int
     """Where the run is, if there is nothing to ask."""
-    holds: Decision | None
+    holds: Holds | None
+    """Most predicates are a relation of a `signal` to a `bound`; any other is asked of all signals."""
+    signal: int | None
+    bound: float
     after: list[_Question | None] = field(default_factory=lambda: [None, None])
     """What to ask after a no and after a yes, as far as that was ever needed."""
 

@@ -64,7 +64,7 @@ class Monitor:
         """
         here = self._sample(t, values)
         tolerance = 0.0 if math.isnan(self._last) else CLOCK_TOLERANCE * (t - self._last)
-        target = self._diagram.locate(here, self._location)
+        target = self._diagram.locate([*here.values()], self._location)
         found = []
         if target != self._location:
             found = self._move(target, t, tolerance, here)

@@ -197,9 +197,13 @@ def evaluate(expression: Expression, values: Values, functions: typing.Any = Flo
 
 
 def compiled(
-    expression: Expression, functions: typing.Any = Floats
-) -> float | Callable[[Values], typing.Any]:
+    expression: Expression,
+    functions: typing.Any = Floats,
+    places: Mapping[str, int] = MappingProxyType({}),
+) -> float | Callable[[typing.Any], typing.Any]:
     """What `evaluate` does with an expression, worked out but for the signals' values.
+
+    **Arguments:** `places`: where in a row each signal's value is, for values that come in a row.
 
     **Returns:** the number that it is, the same one whatever library the signals are in, if it is made of
     numbers alone; otherwise a function of the signals' values.
@@ -210,13 +214,14 @@ def compiled(
         case Constant(number=number):
             return number.value
         case Variable(signal):
-            return operator.itemgetter(signal)
+            return operator.itemgetter(places.get(signal, signal))
         case Negative(operand):
-            return applied(operator.neg, compiled(operand, functions))
+            return applied(operator.neg, compiled(operand, functions, places))
         case Arithmetic(left, symbol, right):
-            return applied(_ARITHMETIC[symbol], compiled(left, functions), compiled(right, functions))
+            operands = (compiled(operand, functions, places) for operand in (left, right))
+            return applied(_ARITHMETIC[symbol], *operands)
         case Call(function, arguments):
-            operands = [compiled(argument, functions) for argument in arguments]
+            operands = [compiled(argument, functions, places) for argument in arguments]
 
             def call(*operands: typing.Any) -> typing.Any:
                 numbers = not any(map(callable, operands))

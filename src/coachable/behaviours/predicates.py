@@ -224,8 +224,8 @@ class Not:
 
 Predicate = Comparison | Between | Near | Phrase | All | Any | Not
 
-Decision = Callable[[Values], typing.Any]
-"""From the signals' values to whether a predicate holds there."""
+Decision = Callable[[typing.Any], typing.Any]
+"""From the signals' values, by name or in a row, to whether a predicate holds there."""
 
 
 def _operand(predicate: Predicate) -> str:
@@ -256,25 +256,31 @@ def holds(predicate: Predicate, values: Values, functions: typing.Any = Floats) 
     return decision(predicate, functions)({name: values[name] for name in signals_of(predicate)})
 
 
-def decision(predicate: Predicate, functions: typing.Any = Floats) -> Decision:
+def decision(
+    predicate: Predicate,
+    functions: typing.Any = Floats,
+    places: Mapping[str, int] = MappingProxyType({}),
+) -> Decision:
     """What `holds` does with a predicate, worked out but for the signals' values, for whoever asks often.
 
-    For floats no more is asked than it takes to decide, so a value that is missing need not be missed.
+    `functions` is as in `evaluate`, `places` as in `compiled`. For floats no more is asked than it takes to
+    decide, so a value that is missing need not be missed.
     """
     match predicate:
         case Comparison(left=left, relation=relation, right=right):
-            answer = applied(OPERATORS[relation], compiled(left, functions), compiled(right, functions))
+            sides = (compiled(side, functions, places) for side in (left, right))
+            answer = applied(OPERATORS[relation], *sides)
             return answer if callable(answer) else lambda values: answer
         case Between() | Near():
-            return decision(All(*comparisons_of(predicate)), functions)
+            return decision(All(*comparisons_of(predicate)), functions, places)
         case Phrase(predicate=inner):
-            return decision(inner, functions)
+            return decision(inner, functions, places)
         case All() | Any():
-            decisions = [decision(part, functions) for part in _flat(type(predicate), predicate)]
+            decisions = [decision(part, functions, places) for part in _flat(type(predicate), predicate)]
             return _in_turn(operator.and_ if isinstance(predicate, All) else operator.or_, decisions)
         case Not(part):
             # `~` would turn Python's True into −2; exclusive or negates Python's and every array's booleans.
-            return applied(partial(operator.xor, True), decision(part, functions))
+            return applied(partial(operator.xor, True), decision(part, functions, places))
 
 
 def _flat(kind: type, predicate: Predicate) -> Iterator[Predicate]:
@@ -297,7 +303,7 @@ def _in_turn(join: Callable, decisions: Sequence[Decision]) -> Decision:
     # Only Python's own answers are one of its two booleans: an array of them is asked to the end.
     decisive = not neutral
 
-    def decide(values: Values) -> typing.Any:
+    def decide(values: typing.Any) -> typing.Any:
         answer = neutral
         for one in decisions:
             answer = join(answer, one(values))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from coachable.envs.environment_signals import OnNaN, Signals, numbers_of_one, r
 from coachable.errors import ParameterError
 from coachable.rewards.described_reward import DescribedReward, Shaping
 from coachable.rewards.phase_reward import Variant
-from coachable.rewards.run_reward import RunReward
+from coachable.rewards.run_reward import RunReward, RunStep
 
 
 class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
@@ -91,11 +90,11 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         require_known_on_nan(on_nan)
         self.behaviour_reward = described_reward(env, behaviour, variant, dt, cycle_bonus, shaping)
         self._run = RunReward(self.behaviour_reward)
-        self._names = self.behaviour_reward.phase_names
         self.on_nan: OnNaN = on_nan
         self.weight, self.replace, self.append_phase, self.key = weight, replace, append_phase, key
         behaviour = self.behaviour_reward.behaviour
-        self._read = reader_of_one(env, behaviour.signal_names, signals)
+        self._signal_names = behaviour.signal_names
+        self._read = reader_of_one(env, self._signal_names, signals)
         if append_phase:
             self.observation_space = with_phase(env.observation_space, len(behaviour.phases) + 1)
         self._steps: int | None = None
@@ -106,11 +105,11 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         """Begin an episode; nothing is remembered of the last one."""
         self._steps = None
         observation, info = self.env.reset(seed=seed, options=options)
-        location = self._run.begin(numbers_of_one(self._read(observation, info), self.on_nan, 0))
+        values = self._read(observation, info)
+        begun = self._run.begin(numbers_of_one(self._signal_names, values, self.on_nan, 0))
         self._steps = 0
-        seen = self._seen(observation, location) if self.append_phase else observation
-        verdict = {"follows": False, "edge": False, "too_short": False, "too_long": False}
-        return seen, self._told(info, location, verdict, 0, 0.0, 0.0)
+        seen = self._seen(observation, begun.location) if self.append_phase else observation
+        return seen, self._told(info, begun, 0.0, 0.0)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One step of the environment, paid for where it led."""
@@ -118,39 +117,32 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
             raise ResetNeeded("no episode has begun; call reset()")
         observation, base, terminated, truncated, info = self.env.step(action)
         self._steps += 1
-        signals = numbers_of_one(self._read(observation, info), self.on_nan, self._steps)
-        step = self._run.step(signals, bool(terminated))
+        values = self._read(observation, info)
+        step = self._run.step(
+            numbers_of_one(self._signal_names, values, self.on_nan, self._steps), bool(terminated)
+        )
         base, ours = float(base), self.weight * step.paid
         reward = ours if self.replace else base + ours
         seen = self._seen(observation, step.location) if self.append_phase else observation
-        told = self._told(info, step.location, step.verdict, step.cycles, base, ours)
-        return seen, reward, terminated, truncated, told
+        return seen, reward, terminated, truncated, self._told(info, step, base, ours)
 
-    def _told(
-        self,
-        info: dict[str, Any],
-        location: int,
-        verdict: Mapping[str, bool],
-        cycles: int,
-        base: float,
-        ours: float,
-    ) -> dict[str, Any]:
+    def _told(self, info: dict[str, Any], step: RunStep, base: float, ours: float) -> dict[str, Any]:
         """The environment's info with what there is to tell of the behaviour."""
         if self.key in info:
             raise taken(self.key)
         return {
             **info,
             self.key: {
-                "phase": self._names[location],
-                "location": location,
-                "verdict": {**verdict},
-                "cycles": cycles,
+                "phase": step.phase,
+                "location": step.location,
+                "verdict": {**step.verdict},
+                "cycles": step.cycles,
                 "rewards": {"base": base, "behaviour": ours},
             },
         }
 
     def _seen(self, observation: Any, location: int) -> Any:
-        phase = np.zeros(len(self._names), observation.dtype)
+        phase = np.zeros(len(self.behaviour_reward.phase_names), observation.dtype)
         phase[location] = 1
         return np.concatenate([observation, phase])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 import gymnasium
@@ -20,8 +20,8 @@ Signals = Mapping[str, SignalFunction] | SignalPack | None
 
 OnNaN = Literal["raise", "outside"]
 
-ReadAll = Callable[[Any, Mapping[str, Any]], Mapping[str, Any]]
-"""From an observation and its info to the signals by name."""
+ReadAll = Callable[[Any, Mapping[str, Any]], Sequence[Any]]
+"""From an observation and its info to the signals in a row, in the order in which they were named."""
 
 
 def reader_of_one(env: gymnasium.Env, names: tuple[str, ...], signals: Signals) -> ReadAll:
@@ -31,7 +31,7 @@ def reader_of_one(env: gymnasium.Env, names: tuple[str, ...], signals: Signals) 
     """
     signals = signal_pack(env) if signals is None else signals
     if isinstance(signals, SignalPack):
-        return signals.reader(env, names)
+        return signals.row_reader(env, names)
     return _by_functions(env, names, signals)
 
 
@@ -60,39 +60,45 @@ def reader_of_many(
         )
     readers = [reader_of_one(one, names, signals) for one in envs]
 
-    def read(observations: Any, infos: Mapping[str, Any]) -> dict[str, Any]:
-        told = [one(None, {}) for one in readers]
-        return {name: np.array([values[name] for values in told]) for name in names}
+    def read(observations: Any, infos: Mapping[str, Any]) -> list[np.ndarray]:
+        return list(np.array([one(None, {}) for one in readers]).T)
 
     return read
 
 
-def numbers_of_one(values: Mapping[str, Any], on_nan: OnNaN, steps: int) -> Mapping[str, float]:
+def numbers_of_one(
+    names: tuple[str, ...], values: Sequence[Any], on_nan: OnNaN, steps: int
+) -> Sequence[float]:
     """The signals as numbers, so many steps after the reset.
 
     **Raises:** `SignalError`, naming the signal, for what is no single number, and for NaN if so wished.
     """
-    for value in values.values():
+    for value in values:
         if type(value) is not float or value != value:
-            return _checked(values, on_nan, f"after step {steps}" if steps else "after the reset")
+            return _checked(names, values, on_nan, f"after step {steps}" if steps else "after the reset")
     return values
 
 
-def _checked(values: Mapping[str, Any], on_nan: OnNaN, when: str) -> dict[str, float]:
-    numbers = {}
-    for name, value in values.items():
-        numbers[name] = number = float(_array(name, value, (), when))
+def _checked(names: tuple[str, ...], values: Sequence[Any], on_nan: OnNaN, when: str) -> list[float]:
+    numbers = []
+    for name, value in zip(names, values, strict=True):
+        number = float(_array(name, value, (), when))
         if number != number and on_nan == "raise":
             raise SignalError(f"signal {name!r} is NaN {when}; {_ON_NAN}")
+        numbers.append(number)
     return numbers
 
 
 def numbers_of_many(
-    values: Mapping[str, Any], on_nan: OnNaN, when: str, chosen: Bool[np.ndarray, " envs"]
+    names: tuple[str, ...],
+    values: Sequence[Any],
+    on_nan: OnNaN,
+    when: str,
+    chosen: Bool[np.ndarray, " envs"],
 ) -> Float[np.ndarray, "envs num_signals"]:
     """The signals as numbers; NaN matters where an environment is chosen."""
     columns = []
-    for name, value in values.items():
+    for name, value in zip(names, values, strict=True):
         column = _array(name, value, chosen.shape, when)
         if on_nan == "raise" and (lost := np.isnan(column) & chosen).any():
             where = ", ".join(map(str, np.flatnonzero(lost)))
@@ -126,16 +132,15 @@ def _by_functions(env: Any, names: tuple[str, ...], signals: Mapping[str, Signal
             raise ParameterError(
                 f"signal {name!r} must be a function of (env, observation, info), but it is {signals[name]!r}"
             )
-    functions: Iterable[tuple[str, SignalFunction]] = [(name, signals[name]) for name in names]
-    base = env.unwrapped
+    functions, base = [signals[name] for name in names], env.unwrapped
 
-    def read(observation: Any, info: Mapping[str, Any]) -> dict[str, Any]:
-        values, name = {}, ""
+    def read(observation: Any, info: Mapping[str, Any]) -> list[Any]:
+        values: list[Any] = []
         try:
-            for name, function in functions:
-                values[name] = function(base, observation, info)
+            for function in functions:
+                values.append(function(base, observation, info))
         except Exception as error:
-            error.add_note(f"This happened while the signal {name!r} was read.")
+            error.add_note(f"This happened while the signal {names[len(values)]!r} was read.")
             raise
         return values
 

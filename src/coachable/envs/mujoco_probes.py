@@ -33,41 +33,57 @@ class MujocoSimulation:
         self.mujoco: Any = mujoco
         self._place, self._contact_force = self.mujoco.mj_kinematics, self.mujoco.mj_contactForce
         self._now: Any = None
-        self._pressing: dict[int, float] | None = None
-        self._qpos, self._force = self.data.qpos, np.zeros(6)
+        self._touching: dict[int, float] = {}
+        self._loads: dict[int, float] = {}
+        self._contacts_asked, self._loads_asked = False, False
+        # MuJoCo's bindings give the same views for as long as there is the data; asking again takes time.
+        self._qpos, self._contact, self._force = self.data.qpos, self.data.contact, np.zeros(6)
+        self._normal_force = partial(self._force.item, 0)
 
     @property
     def now(self) -> Any:
         """Where everything is at this moment, for a probe to keep; no forces, no velocities."""
         if self._now is None:
             self._now = self.mujoco.MjData(self.model)
+            self._now_qpos = self._now.qpos
         return self._now
 
     @property
-    def pressing(self) -> dict[int, float]:
-        """The geoms that press on the floor at this moment, and how hard [N], for a probe to keep."""
-        if self._pressing is None:
-            self._pressing = {}
-        return self._pressing
+    def touching(self) -> dict[int, float]:
+        """The geoms that press on the floor at this moment, 1 for each, for a probe to keep."""
+        self._contacts_asked = True
+        return self._touching
+
+    @property
+    def loads(self) -> dict[int, float]:
+        """How hard [N] each of them does, for a probe to keep."""
+        self._contacts_asked = self._loads_asked = True
+        return self._loads
 
     def look(self) -> None:
         """Work out where everything is and what presses on the floor, each if a probe has asked for it."""
         if self._now is not None:
-            self._now.qpos[:] = self._qpos
+            self._now_qpos[:] = self._qpos
             self._place(self.model, self._now)
-        if self._pressing is not None:
-            pressing, data = self._pressing, self.data
-            pressing.clear()
-            if data.ncon:
-                model, floor, force = self.model, self.floor, self._force
-                for index, (geom, other) in enumerate(data.contact.geom.tolist()):
-                    if other == floor:
-                        geom, other = other, geom
-                    if geom == floor:
-                        self._contact_force(model, data, index, force)
-                        normal_force = force.item(0)
-                        if normal_force > 0:
-                            pressing[other] = pressing.get(other, 0.0) + normal_force
+        if self._contacts_asked:
+            self._touching.clear()
+            self._loads.clear()
+            if self.data.ncon:
+                self._feel()
+
+    def _feel(self) -> None:
+        """Find out what presses on the floor."""
+        floor, touching, loads = self.floor, self._touching, self._loads
+        for index, (geom, other) in enumerate(self._contact.geom.tolist()):
+            if other == floor:
+                geom, other = other, geom
+            # Where loads do not matter, one contact that presses is as good as several.
+            if geom == floor and (self._loads_asked or other not in touching):
+                self._contact_force(self.model, self.data, index, self._force)
+                normal_force = self._normal_force()
+                if normal_force > 0:
+                    touching[other] = 1.0
+                    loads[other] = loads.get(other, 0.0) + normal_force
 
 
 def joint(name: str, sign: int = 1) -> ReadingOf:
@@ -112,8 +128,7 @@ def foot_contact(foot: str) -> ReadingOf:
     """Whether a geom presses on the floor, 1 or 0."""
 
     def of(simulation: MujocoSimulation) -> Reading:
-        geom, pressing = int(simulation.model.geom(foot).id), simulation.pressing
-        return lambda: 1.0 if geom in pressing else 0.0
+        return partial(simulation.touching.get, int(simulation.model.geom(foot).id), 0.0)
 
     return of
 
@@ -122,7 +137,7 @@ def foot_load(foot: str) -> ReadingOf:
     """How hard a geom presses on the floor, which is level."""
 
     def of(simulation: MujocoSimulation) -> Reading:
-        return partial(simulation.pressing.get, int(simulation.model.geom(foot).id), 0.0)
+        return partial(simulation.loads.get, int(simulation.model.geom(foot).id), 0.0)
 
     return of
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from operator import call
 from types import MappingProxyType
 from typing import Any
 
@@ -26,6 +27,9 @@ from coachable.errors import ParameterError
 
 Reader = Callable[[Any, Mapping[str, Any]], dict[str, float]]
 """From an observation and its info to the signals of this moment, by name."""
+
+RowReader = Callable[[Any, Mapping[str, Any]], tuple[float, ...]]
+"""The same, in a row."""
 
 
 @dataclass(frozen=True)
@@ -50,19 +54,23 @@ class SignalPack:
 
         **Raises:** `ParameterError` for a signal that the pack does not have.
         """
+        names = tuple(signal.name for signal in self.signals) if names is None else tuple(names)
+        read_row = self.row_reader(env, names)
+        return lambda observation, info: dict(zip(names, read_row(observation, info), strict=True))
+
+    def row_reader(self, env: gymnasium.Env, names: Iterable[str]) -> RowReader:
+        """The same in a row, in the order of the names, for whoever knows them: that is quicker."""
         probes = {probe.signal.name: probe for probe in self.probes}
-        names = tuple(probes if names is None else names)
         for name in names:
             if name not in probes:
                 raise ParameterError(f"{self.environment} has no signal {name!r}; {suggestion(name, probes)}")
         simulation = self.simulation_of(env)
-        readings = [(name, probes[name].of(simulation)) for name in names]
-
+        readings = [probes[name].of(simulation) for name in names]
         look = simulation.look
 
-        def read(observation: Any, info: Mapping[str, Any]) -> dict[str, float]:
+        def read(observation: Any, info: Mapping[str, Any]) -> tuple[float, ...]:
             look()
-            return {name: reading() for name, reading in readings}
+            return tuple(map(call, readings))
 
         return read
 

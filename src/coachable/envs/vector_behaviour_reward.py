@@ -124,7 +124,8 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
     def _signals(
         self, observations: Any, infos: Mapping[str, Any], when: str, chosen: Envs
     ) -> Float[np.ndarray, "envs num_signals"]:
-        return numbers_of_many(self._read(observations, infos), self.on_nan, when, chosen)
+        names = self.behaviour_reward.behaviour.signal_names
+        return numbers_of_many(names, self._read(observations, infos), self.on_nan, when, chosen)
 
     def _begin(self, chosen: Envs, signals: Float[np.ndarray, "envs num_signals"]) -> None:
         """The chosen ones remember nothing but where they are."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -12,6 +12,8 @@ from coachable.automata.decision_diagram import DecisionDiagram
 from coachable.automata.tracker import CLOCK_TOLERANCE, Move
 from coachable.rewards.described_reward import DescribedReward
 
+_VERDICTS: tuple[str, ...] = ("follows", "edge", "too_short", "too_long")
+
 
 class RunStep(NamedTuple):
     """What a step was, in Python's numbers; the same object whenever it comes again, so not to be changed."""
@@ -19,6 +21,7 @@ class RunStep(NamedTuple):
     gone: tuple[tuple[int, ...], ...]
     """What is gone of each cycle after it; see `RewardMemory`."""
     paid: float
+    phase: str
     location: int
     cycles: int
     verdict: Mapping[str, bool]
@@ -40,16 +43,22 @@ class RunReward:
         self._dwells = (*tracker.dwells, None) if tracker.has_dwells else ()
         self._dt = reward.dt or 0.0
         self._worth: dict[tuple, RunStep] = {}
-        self._location, self._gone = self._none_yet, ()
+        none_gone, verdict = reward.none_gone(0), dict.fromkeys(_VERDICTS, False)
+        self._begun = [
+            RunStep(none_gone, 0.0, name, location, 0, verdict)
+            for location, name in enumerate(reward.phase_names)
+        ]
+        self._location, self._gone = self._none_yet, none_gone
         self._time, self._entered = 0.0, False
 
-    def begin(self, values: Mapping[str, float]) -> int:
-        """Begin an episode with the behaviour's signals by their names; the location there."""
-        self._location, self._gone = self._locate(values, self._none_yet), self._reward.none_gone(0)
+    def begin(self, values: Sequence[float]) -> RunStep:
+        """Begin an episode with the behaviour's signals in its order; no step, but told like one."""
+        begun = self._begun[self._locate(values, self._none_yet)]
+        self._location, self._gone = begun.location, begun.gone
         self._time, self._entered = 0.0, False
-        return self._location
+        return begun
 
-    def step(self, values: Mapping[str, float], terminated: bool) -> RunStep:
+    def step(self, values: Sequence[float], terminated: bool) -> RunStep:
         """One more step, and what it was. `begin` comes first."""
         previous, location = self._location, self._locate(values, self._location)
         too_short, too_long = self._clocked(previous, location) if self._dwells else (None, None)
@@ -76,5 +85,5 @@ class RunReward:
         gone, move = jax.tree.map(np.asarray, (gone, Move(*move)))
         worth = self._reward.worth(gone, move, np.zeros(()), terminated)
         gone, paid, info = jax.tree.map(lambda leaf: np.asarray(leaf).item(), worth)
-        verdict = {name: getattr(info, name) for name in ("follows", "edge", "too_short", "too_long")}
-        return RunStep(gone, paid, info.phase, info.cycles, verdict)
+        verdict = {name: getattr(info, name) for name in _VERDICTS}
+        return RunStep(gone, paid, self._reward.phase_names[info.phase], info.phase, info.cycles, verdict)

@@ -129,7 +129,10 @@ def recorded_walk(
         f"{setup}, seed {seed}",
         np.arange(len(steps)) * dt,
         signals,
-        {signal.name: np.array([float(row[signal.name]) for row in rows]) for signal in signals},
+        {
+            signal.name: np.array([*map(float, column)])
+            for signal, column in zip(signals, zip(*rows, strict=True), strict=True)
+        },
         np.array([step.phase for step in steps]),
         np.array([step.follows for step in steps]),
         run.behaviour.phases,
