@@ -100,6 +100,10 @@ def test_options_alone_are_a_plan():
         ('env = "A-v0"\nbehaviour = "hop"\n[setups.a]\nreward_variant = "sty"', "stay"),
         ('env = "A-v0"\nbehaviour = "hop"\n[setups."a/b"]', "it names files"),
         ('env = "A-v0"\nbehaviour = "hop"\n[sb3]\nn_steps = 0.5', "whole number, at least 1"),
+        (
+            'env = "A-v0"\nbehaviour = "hop"\n[seeds]\nfirst = 500_000\ncount = 1',
+            "seeds must be less than 500,000, got 500,000",
+        ),
         ("env = ", "is not TOML"),
     ],
 )

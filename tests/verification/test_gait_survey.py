@@ -16,8 +16,7 @@ from coachable import cli
 from coachable.automata.trace_file import read_trace
 from coachable.envs.limbs import Limbs
 from coachable.studies.store import TrainingRun
-from coachable.studies.training import load_training
-from coachable.studies.training_lane import EVALUATION_SEED
+from coachable.studies.training import EVALUATION_SEED, load_training
 from coachable.studies.training_runner import run_training
 from coachable.studies.training_walks import recorded_walk
 from coachable.verification import gait_survey

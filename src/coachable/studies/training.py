@@ -21,6 +21,8 @@ from coachable.studies.study import Lane, Trainer, check_choices, steps_an_updat
 from coachable.studies.toml_writer import toml_text
 
 TRAINERS = ("sb3-ppo", "sb3-sac", "sb3-td3")
+EVALUATION_SEED = 1_000_000
+"""Evaluations begin where no seed of a training begins: episode i is reset with this seed + i."""
 _NAME = re.compile(r"[A-Za-z0-9_+-]+")
 _SHIPPED_SETTINGS = resources.files("coachable.studies") / "settings"
 
@@ -97,6 +99,9 @@ class Training:
         if not self.behaviour:
             raise PlanError("which behaviour? Give --behaviour, a shipped name or a file")
         steps_an_update(self.trainer, self.sb3)
+        # Half of it, for a lane's environments begin with one seed after another from the lane's on.
+        if self.seeds.stop > EVALUATION_SEED // 2:
+            raise PlanError(f"seeds must be less than {EVALUATION_SEED // 2:,}, got {self.seeds.stop - 1:,}")
         names = [setup.name for setup in self.setups]
         for name in (self.name, *names):
             if not _NAME.fullmatch(name):

@@ -23,10 +23,8 @@ from coachable.studies.layout import evaluation_steps
 from coachable.studies.log import Columns, Log
 from coachable.studies.sb3_lane import EpisodeLog, Episodes, Note, finished, train_lane
 from coachable.studies.study import Lane
-from coachable.studies.training import DescribedSetup, Training
+from coachable.studies.training import EVALUATION_SEED, DescribedSetup, Training
 
-EVALUATION_SEED = 1_000_000
-"""Evaluations begin where no seed of a training begins: episode i is reset with this seed + i."""
 OWN = "environment"
 """What an info calls that which the environment itself paid."""
 

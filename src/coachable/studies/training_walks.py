@@ -22,7 +22,8 @@ from coachable.envs.signals import SIGNAL_PACKS, signal_pack
 from coachable.errors import ParameterError, PlanError
 from coachable.learning.policy import Policy
 from coachable.studies.store import TrainingRun, Which
-from coachable.studies.training_lane import EVALUATION_SEED, OWN, actor, make_env, signal_functions
+from coachable.studies.training import EVALUATION_SEED
+from coachable.studies.training_lane import OWN, actor, make_env, signal_functions
 
 UNKNOWN_DT = 0.04
 """Between two pictures of an environment that does not say how long a step lasts [s]."""
