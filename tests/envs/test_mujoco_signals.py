@@ -412,6 +412,29 @@ def test_the_loads_of_the_feet_are_the_forces_that_the_simulator_puts_on_them(ro
     assert robot.put()["left_load"] == 0
 
 
+def test_contacts_and_loads_are_the_same_whether_read_alone_or_together():
+    """Alone, a foot of which one contact presses is not asked for its others, nor how hard they press."""
+    env, pack = gymnasium.make("Walker2d-v5"), signal_pack("Walker2d-v5")
+    contacts, loads = (
+        tuple(f"{side}_{name}" for side in ("left", "right")) for name in ("foot_contact", "load")
+    )
+    alone, heavy, both = (pack.row_reader(env, names) for names in (contacts, loads, (*contacts, *loads)))
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    seen = set()
+    for _ in range(300):
+        observation, _, ended, _, info = env.step(env.action_space.sample())
+        row = both(observation, info)
+        assert alone(observation, info) + heavy(observation, info) == row
+        assert [contact > 0 for contact in row[:2]] == [load > 0 for load in row[2:]]
+        seen.add((row[:2], env.unwrapped.data.ncon))
+        if ended:
+            env.reset()
+    assert {contacts for contacts, _ in seen} == {(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)}
+    assert any(number > sum(contacts) > 0 for contacts, number in seen), "a foot with two contacts"
+    env.close()
+
+
 def test_a_described_human_gait_can_be_read_of_the_walker(robots):
     behaviour = load_behaviour("perry-gait")
     read = signal_pack(robots["Walker2d-v5"].env).reader(robots["Walker2d-v5"].env, behaviour.signal_names)

@@ -192,7 +192,7 @@ def test_the_environments_reward_can_be_put_together_anew(plan):
             'env = "Pendulum-v1"',
             STANDING_HOPPER,
             PlanError,
-            "with frame_skip = 0: ZeroDivisionError",
+            r"with frame_skip = 0 \(env_options\): ZeroDivisionError",
         ),
         ("Pendulum-v1", "CartPole-v1", PlanError, "actions must be a row"),
         ("height = 0\n", "", CoachableError, "height"),

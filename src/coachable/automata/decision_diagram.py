@@ -15,6 +15,7 @@ from coachable.behaviours.predicates import OPERATORS, All, Comparison, Not, Pre
 from coachable.behaviours.rewriting import expanded
 
 Holds = Callable[[Any, float], bool]
+"""From a signal's value and a bound, or all values in a row and nothing, to whether a predicate holds."""
 
 Candidates = tuple[tuple[tuple[Predicate, ...], int], ...]
 """Locations in their order, each after what is not known yet and must hold there."""

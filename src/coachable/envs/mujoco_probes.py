@@ -33,9 +33,8 @@ class MujocoSimulation:
         self.mujoco: Any = mujoco
         self._place, self._contact_force = self.mujoco.mj_kinematics, self.mujoco.mj_contactForce
         self._now: Any = None
-        self._touching: dict[int, float] = {}
-        self._loads: dict[int, float] = {}
-        self._contacts_asked, self._loads_asked = False, False
+        self._touching: dict[int, float] | None = None
+        self._loads: dict[int, float] | None = None
         # MuJoCo's bindings give the same views for as long as there is the data; asking again takes time.
         self._qpos, self._contact, self._force = self.data.qpos, self.data.contact, np.zeros(6)
         self._normal_force = partial(self._force.item, 0)
@@ -51,13 +50,15 @@ class MujocoSimulation:
     @property
     def touching(self) -> dict[int, float]:
         """The geoms that press on the floor at this moment, 1 for each, for a probe to keep."""
-        self._contacts_asked = True
+        if self._touching is None:
+            self._touching = {}
         return self._touching
 
     @property
     def loads(self) -> dict[int, float]:
         """How hard [N] each of them does, for a probe to keep."""
-        self._contacts_asked = self._loads_asked = True
+        if self._loads is None:
+            self._loads = {}
         return self._loads
 
     def look(self) -> None:
@@ -65,25 +66,27 @@ class MujocoSimulation:
         if self._now is not None:
             self._now_qpos[:] = self._qpos
             self._place(self.model, self._now)
-        if self._contacts_asked:
-            self._touching.clear()
-            self._loads.clear()
-            if self.data.ncon:
-                self._feel()
+        touching, loads = self._touching, self._loads
+        if touching is not None:
+            touching.clear()
+        if loads is not None:
+            loads.clear()
+        if (touching is not None or loads is not None) and self.data.ncon:
+            self._feel({} if touching is None else touching, loads)
 
-    def _feel(self) -> None:
-        """Find out what presses on the floor."""
-        floor, touching, loads = self.floor, self._touching, self._loads
+    def _feel(self, touching: dict[int, float], loads: dict[int, float] | None) -> None:
+        """Find out what presses on the floor, and how hard if that is asked."""
+        floor = self.floor
         for index, (geom, other) in enumerate(self._contact.geom.tolist()):
             if other == floor:
                 geom, other = other, geom
             # Where loads do not matter, one contact that presses is as good as several.
-            if geom == floor and (self._loads_asked or other not in touching):
+            if geom == floor and (loads is not None or other not in touching):
                 self._contact_force(self.model, self.data, index, self._force)
-                normal_force = self._normal_force()
-                if normal_force > 0:
+                if (normal_force := self._normal_force()) > 0:
                     touching[other] = 1.0
-                    loads[other] = loads.get(other, 0.0) + normal_force
+                    if loads is not None:
+                        loads[other] = loads.get(other, 0.0) + normal_force
 
 
 def joint(name: str, sign: int = 1) -> ReadingOf:

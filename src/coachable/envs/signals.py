@@ -59,7 +59,10 @@ class SignalPack:
         return lambda observation, info: dict(zip(names, read_row(observation, info), strict=True))
 
     def row_reader(self, env: gymnasium.Env, names: Iterable[str]) -> RowReader:
-        """The same in a row, in the order of the names, for whoever knows them: that is quicker."""
+        """The same in a row, in the order of the names, for whoever knows them: that is quicker.
+
+        **Raises:** as `reader`.
+        """
         probes = {probe.signal.name: probe for probe in self.probes}
         for name in names:
             if name not in probes:

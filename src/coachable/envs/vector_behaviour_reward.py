@@ -19,7 +19,7 @@ from coachable.envs.behaviour_reward import described_reward, require_known_on_n
 from coachable.envs.environment_signals import OnNaN, Signals, numbers_of_many, reader_of_many
 from coachable.envs.vector_infos import at_the_end, masked, only
 from coachable.errors import ParameterError
-from coachable.rewards.described_reward import RewardMemory, Shaping, StepInfo
+from coachable.rewards.described_reward import VERDICTS, RewardMemory, Shaping, StepInfo
 from coachable.rewards.phase_reward import Variant
 
 Envs = Bool[np.ndarray, " envs"]
@@ -163,9 +163,7 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
     ) -> tuple[dict[str, Any], Float[np.ndarray, " envs"]]:
         """What there is to tell after a step, and what the behaviour pays."""
         ours = self.weight * paid
-        verdict = {
-            name: np.array(getattr(step, name)) for name in ("follows", "edge", "too_short", "too_long")
-        }
+        verdict = {name: np.array(getattr(step, name)) for name in VERDICTS}
         return {
             **self._places(),
             "verdict": verdict,
@@ -178,7 +176,7 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
         no, zero = np.zeros(self.num_envs, bool), np.zeros(self.num_envs)
         return {
             **self._places(),
-            "verdict": {name: no.copy() for name in ("follows", "edge", "too_short", "too_long")},
+            "verdict": {name: no.copy() for name in VERDICTS},
             "cycles": np.zeros(self.num_envs, np.int64),
             "rewards": {name: zero.copy() for name in ("base", "behaviour")},
         }

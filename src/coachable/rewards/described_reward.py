@@ -56,6 +56,10 @@ class RewardMemory(NamedTuple):
     """For each edge of each cycle, how many of its edges in a row end with it; empty without cycle bonus."""
 
 
+VERDICTS: tuple[str, ...] = ("follows", "edge", "too_short", "too_long")
+"""What is said of a step in yes and no; each is a field of `StepInfo`."""
+
+
 class StepInfo(NamedTuple):
     """What a step was, and what was paid for what."""
 

@@ -10,9 +10,7 @@ import numpy as np
 
 from coachable.automata.decision_diagram import DecisionDiagram
 from coachable.automata.tracker import CLOCK_TOLERANCE, Move
-from coachable.rewards.described_reward import DescribedReward
-
-_VERDICTS: tuple[str, ...] = ("follows", "edge", "too_short", "too_long")
+from coachable.rewards.described_reward import VERDICTS, DescribedReward
 
 
 class RunStep(NamedTuple):
@@ -43,7 +41,7 @@ class RunReward:
         self._dwells = (*tracker.dwells, None) if tracker.has_dwells else ()
         self._dt = reward.dt or 0.0
         self._worth: dict[tuple, RunStep] = {}
-        none_gone, verdict = reward.none_gone(0), dict.fromkeys(_VERDICTS, False)
+        none_gone, verdict = reward.none_gone(0), dict.fromkeys(VERDICTS, False)
         self._begun = [
             RunStep(none_gone, 0.0, name, location, 0, verdict)
             for location, name in enumerate(reward.phase_names)
@@ -85,5 +83,5 @@ class RunReward:
         gone, move = jax.tree.map(np.asarray, (gone, Move(*move)))
         worth = self._reward.worth(gone, move, np.zeros(()), terminated)
         gone, paid, info = jax.tree.map(lambda leaf: np.asarray(leaf).item(), worth)
-        verdict = {name: getattr(info, name) for name in _VERDICTS}
+        verdict = {name: getattr(info, name) for name in VERDICTS}
         return RunStep(gone, paid, self._reward.phase_names[info.phase], info.phase, info.cycles, verdict)

@@ -71,29 +71,30 @@ def run_study(
     return Run.open(out)
 
 
-_SET_UP = (
-    "jax_compilation_cache_dir",
-    "jax_persistent_cache_min_compile_time_secs",
-    "jax_cpu_enable_async_dispatch",
-)
+def _settings_of_jax() -> dict[str, str | float | bool]:
+    """Keep compiled programs between runs, and let each one run in the thread that calls it."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "coachable" / "jax"
+    return {
+        "jax_compilation_cache_dir": str(cache),
+        "jax_persistent_cache_min_compile_time_secs": 0.2,
+        "jax_cpu_enable_async_dispatch": False,
+    }
 
 
 def set_up_jax() -> None:
-    """Keep compiled programs between runs, and let each one run in the thread that calls it."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "coachable" / "jax"
-    jax.config.update("jax_compilation_cache_dir", str(cache))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
-    jax.config.update("jax_cpu_enable_async_dispatch", False)
+    """Set JAX, for the whole process, so that programs stay compiled and threads are kept apart."""
+    for name, value in _settings_of_jax().items():
+        jax.config.update(name, value)
 
 
 @contextmanager
 def _jax_as_it_was() -> Iterator[None]:
     """Whoever calls from a program of their own has their own settings of JAX again, and their own cache."""
-    before = {name: jax.config.values[name] for name in _SET_UP}
+    before = {name: jax.config.values[name] for name in _settings_of_jax()}
     try:
         yield
     finally:
-        if before != {name: jax.config.values[name] for name in _SET_UP}:
+        if before != {name: jax.config.values[name] for name in before}:
             for name, value in before.items():
                 jax.config.update(name, value)
             compilation_cache.reset_cache()

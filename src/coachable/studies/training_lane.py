@@ -70,10 +70,9 @@ def make_env(
         raise PlanError(f"{training.env!r} cannot be made: {error}") from None
     # Whatever it is that somebody's constructor raises, it raises it at the options of the plan.
     except Exception as error:
-        told = ", ".join(f"{name} = {value!r}" for name, value in options.items()) or "no options"
-        raise PlanError(
-            f"{training.env!r} cannot be made with {told}: {type(error).__name__}: {error}"
-        ) from error
+        told = ", ".join(f"{name} = {value!r}" for name, value in options.items())
+        given = f" with {told} (env_options)" if told else ""
+        raise PlanError(f"{training.env!r} cannot be made{given}: {type(error).__name__}: {error}") from error
     return BehaviourReward(
         OwnReward(env, setup.terms),
         behaviour,
