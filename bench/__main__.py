@@ -16,7 +16,7 @@ from typing import Any
 from bench.child import Measurement, Program, measure
 from bench.report import report
 from bench.table import markdown
-from coachable.studies.layout import WIDEST_GROUP
+from coachable.experiments.layout import WIDEST_GROUP
 
 LANES = (1, 4, 15, 60, 240)
 VECTORS = (1, 256)

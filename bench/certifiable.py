@@ -22,13 +22,13 @@ from matplotlib.figure import Figure
 
 from coachable.analysis.intervals import estimate, mean
 from coachable.analysis.measurements import measure
+from coachable.experiments.plan import Study
+from coachable.experiments.run_folder.reader import load_run
+from coachable.foundation.style import FAINT, GOOD, HAIRLINE, INK, PAGE, STANCE, SWING, drawing, save
 from coachable.learning.policy import Policy
 from coachable.plants.compass import STATE_NAMES
-from coachable.studies.plan import Study
-from coachable.studies.store import load_run
-from coachable.style import FAINT, GOOD, HAIRLINE, INK, PAGE, STANCE, SWING, drawing, save
-from coachable.verification.passport import Passport, read_passport
-from coachable.verification.stability import without_bounds
+from coachable.verification.gait.stability import without_bounds
+from coachable.verification.passport.passport import Passport, read_passport
 
 SETUP = "orthant"
 _COLOURS = (FAINT, STANCE, SWING, GOOD)

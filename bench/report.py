@@ -8,7 +8,7 @@ from statistics import median
 
 from bench.child import Measurement
 from bench.table import Row, significant
-from coachable.studies.layout import WIDEST_GROUP
+from coachable.experiments.layout import WIDEST_GROUP
 
 STEPS_A_RUN = 501_760
 STEPS_AN_UPDATE = 2048

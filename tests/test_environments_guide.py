@@ -10,7 +10,7 @@ import pytest
 
 from coachable import cli
 from coachable.behaviours.text.document import formatted_file
-from coachable.studies import sb3_lane, training_runner
+from coachable.experiments import sb3_lane, training_runner
 
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ import pytest
 from coachable import cli
 from coachable.behaviours.library import load_behaviour
 from coachable.behaviours.text.document import formatted_file
-from coachable.studies.training import load_training, trainer_settings
+from coachable.experiments.training import load_training, trainer_settings
 
 ROOT = Path(__file__).parents[1]
 EXPERIMENTS = ROOT / "experiments"
@@ -37,7 +37,7 @@ def test_a_plan_can_be_trained(path):
     """Its environment is made, with every setup, and takes a step."""
     for module in ("mujoco", "stable_baselines3"):
         pytest.importorskip(module)
-    from coachable.studies.training_lane import require_trainable
+    from coachable.experiments.training_lane import require_trainable
 
     training = load_training(path)
     require_trainable(training, load_behaviour(training.behaviour))

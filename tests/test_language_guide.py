@@ -9,7 +9,7 @@ import pytest
 
 from coachable.behaviours.text.document import formatted_file
 from coachable.behaviours.text.parser import parse
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "docs" / "language.md").read_text(encoding="utf-8")

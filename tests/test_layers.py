@@ -18,30 +18,34 @@ MODULES = {
 }
 
 FLOORS = [
-    {"errors", "style"},
+    {"foundation"},
     {"behaviours", "plants"},
     {"automata", "drawing"},
+    {"diagram"},
     {"rewards"},
     {"envs"},
     {"learning"},
-    {"studies"},
+    {"experiments"},
+    {"gaits"},
     {"verification"},
     {"cli"},
 ]
 FLOOR_OF = {room: height for height, rooms in enumerate(FLOORS) for room in rooms}
 READERS = {"viewing", "analysis"}
 READERS_MAY_USE = (
-    "coachable.errors",
-    "coachable.style",
+    "coachable.foundation",
     "coachable.plants",
     "coachable.behaviours",
     "coachable.drawing",
-    "coachable.automata.draw",
-    "coachable.studies.store",
+    "coachable.diagram.draw",
+    "coachable.experiments.run_folder.reader",
 )
 
 LANGUAGE = {"lark", "z3", "rich"}
 """What a description is read with, checked and talked about."""
+
+PURE = ("errors", "suggestion")
+"""What the ground floor gives to descriptions."""
 
 ONLY_IN_SB3 = {"stable_baselines3", "torch"}
 UNSAFE = {"pickle", "cPickle", "cloudpickle", "dill", "marshal", "shelve"}
@@ -92,7 +96,8 @@ def violations(module: str, source: str) -> list[str]:
             found.append(f"{module} imports {top}, which only coachable.learning.sb3 may")
         if top in UNSAFE:
             found.append(f"{module} imports {top}")
-        if room in {"behaviours", "errors"} and top not in {"coachable", *LANGUAGE, *sys.stdlib_module_names}:
+        pure = room == "behaviours" or module in {f"coachable.foundation.{name}" for name in PURE}
+        if pure and top not in {"coachable", *LANGUAGE, *sys.stdlib_module_names}:
             found.append(f"{module} imports {top}, but descriptions are pure Python")
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
@@ -117,21 +122,21 @@ def test_a_module_keeps_the_house_rules(module):
         ("coachable.plants.compass", "from coachable.behaviours import Behaviour"),
         ("coachable.plants.compass", "from ..automata.hybrid import HybridAutomaton"),
         ("coachable.rewards.terms", "def later():\n    from coachable.envs import walking_task"),
-        ("coachable.learning.ppo", "from coachable.studies.store import Run"),
+        ("coachable.learning.ppo", "from coachable.experiments.run_folder.reader import Run"),
         ("coachable.learning.__init__", "from ..studies import store"),
-        ("coachable.studies.runner", "from coachable.analysis import table"),
-        ("coachable.studies.runner", "from coachable import cli"),
-        ("coachable.errors", "import coachable"),
+        ("coachable.experiments.runner", "from coachable.analysis import table"),
+        ("coachable.experiments.runner", "from coachable import cli"),
+        ("coachable.foundation.errors", "import coachable"),
         ("coachable.analysis.figures", "from coachable.learning import policy"),
-        ("coachable.analysis.figures", "from coachable.studies.runner import run_study"),
+        ("coachable.analysis.figures", "from coachable.experiments.runner import run_study"),
         ("coachable.analysis.figures", "from coachable.automata.hybrid import HybridAutomaton"),
         ("coachable.viewing.strobe", "from coachable.analysis import figures"),
         ("coachable.behaviours.behaviour", "import numpy as np"),
         ("coachable.behaviours.library", "from jax import numpy"),
         ("coachable.learning.ppo", "import torch.nn"),
-        ("coachable.studies.runner", "from stable_baselines3 import PPO"),
-        ("coachable.studies.store", "import pickle"),
-        ("coachable.studies.store", "np.load(path, allow_pickle=True)"),
+        ("coachable.experiments.runner", "from stable_baselines3 import PPO"),
+        ("coachable.experiments.run_folder.reader", "import pickle"),
+        ("coachable.experiments.run_folder.reader", "np.load(path, allow_pickle=True)"),
         ("coachable.behaviours.library", "eval('1')"),
         ("coachable.cli", "exec('1')"),
         ("coachable.plants.compass", "\n" * 501),
@@ -145,14 +150,17 @@ def test_a_planted_violation_is_found(module, source):
 @pytest.mark.parametrize(
     ("module", "source"),
     [
-        ("coachable.__init__", "from coachable.studies.runner import run_study"),
+        ("coachable.__init__", "from coachable.experiments.runner import run_study"),
         (
             "coachable.automata.hybrid",
             "from ..behaviours.behaviour import Behaviour\nfrom ..plants import compass",
         ),
         ("coachable.plants.__init__", "from .compass import CompassWalker"),
         ("coachable.learning.sb3", "import torch\nfrom stable_baselines3 import PPO"),
-        ("coachable.analysis.figures", "from coachable.studies.store import Run\nimport matplotlib"),
+        (
+            "coachable.analysis.figures",
+            "from coachable.experiments.run_folder.reader import Run\nimport matplotlib",
+        ),
         ("coachable.viewing.strobe", "from coachable.plants.compass import CompassWalker"),
         ("coachable.cli", "import coachable\n\n\ndef main():\n    from coachable.viewing.strobe import draw"),
         ("coachable.learning.policy", "network.eval()"),

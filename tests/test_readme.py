@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from coachable.studies.plan import load_plan
+from coachable.experiments.plan import load_plan
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from coachable.behaviours.library import load_behaviour
-from coachable.studies.layout import group_widths, num_cores
-from coachable.studies.plan import Study, load_plan
-from coachable.studies.programs import Tasks, compile_programs
-from coachable.studies.runner import set_up_jax
+from coachable.experiments.compiled import Tasks, compile_programs
+from coachable.experiments.layout import group_widths, num_cores
+from coachable.experiments.plan import Study, load_plan
+from coachable.experiments.runner import set_up_jax
 
 
 def prepare(num_lanes: int):

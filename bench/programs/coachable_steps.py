@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 
 from coachable.envs.walking_task import make_task
+from coachable.experiments.compiled import COMPILER_OPTIONS
 from coachable.rewards.setup import PAPER_SETUPS
-from coachable.studies.programs import COMPILER_OPTIONS
 
 
 def prepare(num_lanes: int, num_steps: int):

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from bench.programs.coachable_compilation import study_of
 from coachable.behaviours.library import load_behaviour
-from coachable.studies.group import Group
-from coachable.studies.layout import group_widths, num_cores
-from coachable.studies.programs import Tasks, compile_programs
-from coachable.studies.runner import set_up_jax
-from coachable.studies.workers import take_turns
+from coachable.experiments.compiled import Tasks, compile_programs
+from coachable.experiments.lane_batch import Group
+from coachable.experiments.layout import group_widths, num_cores
+from coachable.experiments.runner import set_up_jax
+from coachable.experiments.workers import take_turns
 
 
 class Stint:

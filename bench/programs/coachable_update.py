@@ -19,10 +19,10 @@ from functools import partial
 import jax
 
 from coachable.envs.walking_task import make_task
+from coachable.experiments.compiled import COMPILER_OPTIONS
 from coachable.learning import ppo
 from coachable.learning.config import PPOConfig
 from coachable.rewards.setup import PAPER_SETUPS
-from coachable.studies.programs import COMPILER_OPTIONS
 
 
 def prepare(num_lanes: int):

@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from coachable.analysis.citation import citation as citation
     from coachable.automata.hybrid import HybridAutomaton as HybridAutomaton
     from coachable.automata.monitor import Monitor as Monitor
     from coachable.behaviours.behaviour import Behaviour as Behaviour
@@ -24,7 +25,13 @@ if TYPE_CHECKING:
     from coachable.envs.signals import signal_pack as signal_pack
     from coachable.envs.vector_behaviour_reward import VectorBehaviourReward as VectorBehaviourReward
     from coachable.envs.walking_task import make_task as make_task
-    from coachable.errors import CoachableError as CoachableError
+    from coachable.experiments.api import rollout as rollout
+    from coachable.experiments.api import study as study
+    from coachable.experiments.plan import Study as Study
+    from coachable.experiments.plan import load_plan as load_plan
+    from coachable.experiments.run_folder.reader import Run as Run
+    from coachable.experiments.run_folder.reader import load_run as load_run
+    from coachable.foundation.errors import CoachableError as CoachableError
     from coachable.learning.config import PPOConfig as PPOConfig
     from coachable.learning.policy import Policy as Policy
     from coachable.plants.compass import CompassParameters as CompassParameters
@@ -34,18 +41,11 @@ if TYPE_CHECKING:
     from coachable.plants.controllers import VirtualGravity as VirtualGravity
     from coachable.rewards.described_reward import DescribedReward as DescribedReward
     from coachable.rewards.setup import RewardSetup as RewardSetup
-    from coachable.studies.api import rollout as rollout
-    from coachable.studies.api import study as study
-    from coachable.studies.citation import citation as citation
-    from coachable.studies.plan import Study as Study
-    from coachable.studies.plan import load_plan as load_plan
-    from coachable.studies.store import Run as Run
-    from coachable.studies.store import load_run as load_run
 
 _HOMES = {
     "Behaviour": "behaviours.behaviour",
     "BehaviourReward": "envs.behaviour_reward",
-    "CoachableError": "errors",
+    "CoachableError": "foundation.errors",
     "CompassParameters": "plants.compass",
     "CompassWalker": "plants.compass",
     "ConstantTorque": "plants.controllers",
@@ -56,20 +56,20 @@ _HOMES = {
     "PPOConfig": "learning.config",
     "Policy": "learning.policy",
     "RewardSetup": "rewards.setup",
-    "Run": "studies.store",
-    "Study": "studies.plan",
+    "Run": "experiments.run_folder.reader",
+    "Study": "experiments.plan",
     "Trajectory": "envs.rollout",
     "VectorBehaviourReward": "envs.vector_behaviour_reward",
     "VirtualGravity": "plants.controllers",
     "baseline": "envs.baselines",
-    "citation": "studies.citation",
+    "citation": "analysis.citation",
     "load_behaviour": "behaviours.library",
-    "load_plan": "studies.plan",
-    "load_run": "studies.store",
+    "load_plan": "experiments.plan",
+    "load_run": "experiments.run_folder.reader",
     "make_task": "envs.walking_task",
-    "rollout": "studies.api",
+    "rollout": "experiments.api",
     "signal_pack": "envs.signals",
-    "study": "studies.api",
+    "study": "experiments.api",
 }
 
 __all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -6,8 +6,8 @@ import pytest
 
 from coachable.analysis import intervals, significance
 from coachable.analysis.measurements import Measurements, SetupRuns, measure_tables
+from coachable.experiments.plan import Study, with_options
 from coachable.rewards.setup import RewardSetup
-from coachable.studies.plan import Study, with_options
 
 PAPER = ("sparse", "forward", "orthant", "forward+orthant")
 

@@ -14,7 +14,7 @@ from coachable.analysis.comparison import (
 )
 from coachable.analysis.measurements import Measurements, SetupRuns
 from coachable.analysis.statistics import learning_curve
-from coachable.errors import RunFolderError
+from coachable.foundation.errors import RunFolderError
 
 STEPS = 100_000
 CHECKPOINTS = np.arange(10_000, STEPS + 1, 10_000)

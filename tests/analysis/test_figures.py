@@ -7,7 +7,7 @@ from coachable.analysis.figures import draw_figures, learning_curves, walking_di
 from coachable.analysis.measurements import measure_tables
 from coachable.analysis.paper import paper_curves
 from coachable.analysis.statistics import learning_curve, mean_highest
-from coachable.style import INK, setup_colours
+from coachable.foundation.style import INK, setup_colours
 
 
 def curves(axes):

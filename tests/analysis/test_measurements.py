@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from coachable.analysis.measurements import Measurements, SetupRuns, measure, measure_tables
 from coachable.behaviours.library import load_behaviour
-from coachable.errors import RunFolderError
+from coachable.experiments.plan import Study
+from coachable.experiments.run_folder.reader import Run
+from coachable.experiments.run_folder.schemas import SCHEMAS
+from coachable.foundation.errors import RunFolderError
 from coachable.rewards.setup import RewardSetup
-from coachable.studies.columns import SCHEMAS
-from coachable.studies.plan import Study
-from coachable.studies.store import Run
 
 
 def by_hand(**changes):

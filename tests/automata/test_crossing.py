@@ -11,7 +11,7 @@ from coachable import cli
 from coachable.automata.crossing import explain_crossing, explain_crossings, gait_touchdown
 from coachable.automata.hybrid import HybridAutomaton
 from coachable.behaviours import All, Comparison, Edge, Phase, holds, load_behaviour
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 from coachable.plants import CompassParameters, CompassWalker
 
 WALKER = CompassWalker()

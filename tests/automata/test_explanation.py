@@ -16,7 +16,7 @@ from coachable.automata.trace_file import read_trace, write_trace
 from coachable.behaviours import load_behaviour
 from coachable.behaviours.predicates import Signal
 from coachable.envs.baselines import baseline
-from coachable.errors import TraceError
+from coachable.foundation.errors import TraceError
 
 WALKING = load_behaviour("compass-walking")
 NAMES = WALKING.signal_names

@@ -6,7 +6,7 @@ import pytest
 
 from coachable.automata.hybrid import HybridAutomaton
 from coachable.behaviours import Assignment, Variable, load_behaviour
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 from coachable.plants import CompassWalker
 
 WALKER = CompassWalker()

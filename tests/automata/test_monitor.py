@@ -10,7 +10,7 @@ from coachable.automata.monitor import Monitor
 from coachable.automata.violation import Kind
 from coachable.behaviours import All, Any, Behaviour, Comparison, Dwell, Edge, Not, Phase, Phrase, Signal
 from coachable.behaviours import load_behaviour as load
-from coachable.errors import TraceError
+from coachable.foundation.errors import TraceError
 from coachable.rewards.phase_reward import reward_table
 from tests.automata.tracked import DT, RUNS, behaviour_of, descriptions, follow
 

@@ -18,7 +18,7 @@ from coachable.behaviours import (
     Signal,
     Variable,
 )
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 
 UP = Comparison("height", ">", 0)
 DOWN = Comparison("height", "<=", 0)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from coachable.behaviours import Comparison, Constant, Number, Variable
 from coachable.behaviours.expressions import Arithmetic, Call, Negative, evaluate, rewritten, subexpressions
 from coachable.behaviours.text.parser import parse
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 from tests.behaviours.random_behaviours import built, expressions, recipe
 
 NAMES = ("x", "y", "z")

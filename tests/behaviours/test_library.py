@@ -7,7 +7,7 @@ from coachable.behaviours.library import LIBRARY, SHIPPED
 from coachable.behaviours.text.document import formatted_file
 from coachable.behaviours.text.parser import parse
 from coachable.behaviours.text.printer import to_text
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 from coachable.rewards.reward_hash import reward_hash
 from coachable.rewards.setup import PAPER_SETUPS
 

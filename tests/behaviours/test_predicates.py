@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from coachable.behaviours.predicates import All, Any, Comparison, Not, Signal, holds, signals_of
 from coachable.behaviours.rewriting import normal_form
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 
 NAMES = ("x", "y", "z")
 BOUNDS = st.sampled_from([-1.0, -0.0, 0.0, 0.5])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from coachable.envs.baselines import baseline
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
 from coachable.plants import CompassParameters
 from coachable.rewards.setup import TERM_NAMES, paper_setup
 

@@ -16,7 +16,7 @@ from gymnasium.wrappers import FlattenObservation
 from coachable.behaviours import Behaviour, Comparison, Dwell, Edge, Phase, Signal
 from coachable.envs.behaviour_reward import BehaviourReward
 from coachable.envs.signals import signal_pack
-from coachable.errors import ParameterError, SignalError
+from coachable.foundation.errors import ParameterError, SignalError
 from coachable.rewards.described_reward import DescribedReward, Shaping
 
 

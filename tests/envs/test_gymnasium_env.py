@@ -14,9 +14,9 @@ import coachable.envs  # noqa: F401  registers the environment
 from coachable.behaviours import Behaviour, Comparison, Phase, Signal
 from coachable.drawing.stage import SIZE
 from coachable.envs.gymnasium_env import CompassWalkerEnv
-from coachable.envs.start import Start
+from coachable.envs.start_distribution import Start
 from coachable.envs.walking_task import make_task
-from coachable.errors import BehaviourError, MissingExtraError, ParameterError
+from coachable.foundation.errors import BehaviourError, MissingExtraError, ParameterError
 from coachable.plants.compass import START, CompassParameters
 from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, RewardSetup
 

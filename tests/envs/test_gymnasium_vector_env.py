@@ -10,7 +10,7 @@ import coachable.envs  # noqa: F401  registers the environment
 from coachable.drawing.stage import SIZE
 from coachable.envs.gymnasium_env import CompassWalkerEnv
 from coachable.envs.gymnasium_vector_env import CompassWalkerVectorEnv
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
 
 NUM = 5
 OPTIONS = {"seconds": 1.2, "start_noise": (0.05, 0.05, 0.3, 0.3)}

@@ -10,7 +10,7 @@ from coachable.behaviours import Behaviour, Comparison, Dwell, Edge, Phase, Sign
 from coachable.envs.behaviour_reward import BehaviourReward
 from coachable.envs.gymnasium_vector_env import CompassWalkerVectorEnv
 from coachable.envs.vector_behaviour_reward import VectorBehaviourReward
-from coachable.errors import ParameterError, SignalError
+from coachable.foundation.errors import ParameterError, SignalError
 from coachable.rewards.described_reward import Shaping
 
 NUM = 4

@@ -13,7 +13,7 @@ import pytest
 from coachable.automata.tracker import Memory
 from coachable.behaviours import Behaviour, Comparison, Dwell, Phase, Signal, load_behaviour
 from coachable.envs.walking_task import NO_BOX, make_task
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
 from coachable.plants import START, ChatterRule, CompassParameters, CompassWalker, Outcome, advance
 from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, RewardSetup
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from coachable.errors import PlanError
+from coachable.foundation.errors import PlanError
 from coachable.learning.config import PPOConfig
 
 

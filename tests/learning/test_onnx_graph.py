@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coachable.errors import MissingExtraError
+from coachable.foundation.errors import MissingExtraError
 from coachable.learning.onnx_graph import onnx_bytes
 from coachable.learning.policy import Policy
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coachable.errors import RunFolderError
+from coachable.foundation.errors import RunFolderError
 from coachable.learning.networks import initial_networks
 from coachable.learning.policy import Policy
 

@@ -9,9 +9,9 @@ import pytest
 
 pytest.importorskip("stable_baselines3", reason="needs the [sb3] extra: pip install 'coachable[sb3]'")
 
-from coachable.errors import PlanError
+from coachable.experiments.study import steps_an_update
+from coachable.foundation.errors import PlanError
 from coachable.learning.sb3 import ALGORITHMS, Learner, check_settings
-from coachable.studies.study import steps_an_update
 
 pytestmark = pytest.mark.sb3
 

@@ -5,7 +5,7 @@ from dataclasses import fields
 import jax.numpy as jnp
 import pytest
 
-from coachable.errors import CoachableError, ParameterError
+from coachable.foundation.errors import CoachableError, ParameterError
 from coachable.plants import STATE_NAMES, CompassParameters, CompassWalker, Outcome
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from coachable.automata.monitor import Monitor
 from coachable.behaviours import Behaviour, Dwell, Edge, Near, Phase, Signal, load_behaviour
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
 from coachable.rewards.described_reward import DescribedReward, Shaping
 from coachable.rewards.phase_reward import PhaseReward
 

@@ -5,7 +5,7 @@ import pytest
 
 from coachable.rewards.phase_reward import VARIANTS, reward_table
 from coachable.rewards.picture import reward_svg
-from tests.automata.pictures import BEHAVIOURS, boxes, elements
+from tests.diagram.pictures import BEHAVIOURS, boxes, elements
 
 WALKING = BEHAVIOURS["walking"]
 

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
 from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, RewardSetup, paper_setup
 
 
@@ -57,7 +57,7 @@ def test_a_setup_by_its_name():
 def test_without_the_tests_type_checks_a_weight_that_is_text_is_refused_and_jax_is_not_needed():
     program = """
 import sys
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
 from coachable.rewards.setup import RewardSetup
 for weight in ("1", None, True):
     try:

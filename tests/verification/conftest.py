@@ -9,15 +9,15 @@ import pytest
 from safetensors.numpy import save
 
 from coachable.behaviours.library import load_behaviour
+from coachable.experiments.plan import Study
+from coachable.experiments.run_folder.writer import RunFolder
 from coachable.learning.policy import Policy
 from coachable.plants.compass import START, STATE_NAMES, CompassWalker
 from coachable.plants.controllers import VirtualGravity
 from coachable.rewards.setup import RewardSetup
-from coachable.studies.folder import RunFolder
-from coachable.studies.plan import Study
-from coachable.verification.orbit import find_orbits
-from coachable.verification.section import Loop, in_double
-from coachable.verification.walk import settle, stacked
+from coachable.verification.gait.orbit import find_orbits
+from coachable.verification.gait.section import Loop, in_double
+from coachable.verification.gait.walk import settle, stacked
 
 
 def small_policy(seed, feedback, ankle=-1.35, hip=-0.18, hip_limit=0.0):

@@ -5,7 +5,7 @@ import numpy as np
 
 from coachable.learning.policy import Policy
 from coachable.plants.compass import STATE_NAMES
-from coachable.verification.perturbation import SectionBox
+from coachable.verification.falsification.perturbation import SectionBox
 
 TORQUE = (-1.35, -0.18)
 """A constant torque that walks [N m]."""

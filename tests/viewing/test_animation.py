@@ -6,9 +6,9 @@ import pytest
 from PIL import Image, ImageSequence
 
 from coachable.drawing.stage import SIZE
-from coachable.errors import CoachableError, MissingExtraError
+from coachable.foundation.errors import CoachableError, MissingExtraError
+from coachable.foundation.style import STANCE, SWING, phase_colours
 from coachable.plants.compass import CompassParameters
-from coachable.style import STANCE, SWING, phase_colours
 from coachable.viewing.animation import animate
 from coachable.viewing.scene import Scene, SideBySide
 from coachable.viewing.walk import Walk

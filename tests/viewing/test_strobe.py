@@ -4,8 +4,8 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.patches import Rectangle
 from PIL import Image
 
+from coachable.foundation.style import INK, PAGE, STANCE, SWING, phase_colours
 from coachable.plants.compass import CompassParameters
-from coachable.style import INK, PAGE, STANCE, SWING, phase_colours
 from coachable.viewing.strobe import strobe, write_strobe
 from coachable.viewing.walk import Walk, runs_of
 

@@ -1,6 +1,6 @@
 import pytest
 
-from coachable.errors import CoachableError
+from coachable.foundation.errors import CoachableError
 from coachable.viewing.watch import draw_walks
 
 

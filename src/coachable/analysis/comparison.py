@@ -20,8 +20,8 @@ from coachable.analysis.intervals import Estimate, estimate, mean
 from coachable.analysis.measurements import Measurements, SetupRuns
 from coachable.analysis.significance import difference, two_sample
 from coachable.analysis.statistics import LATE_STEPS, Band, learning_curve, mean_distance
-from coachable.errors import RunFolderError
-from coachable.style import INK, STANCE, SWING, drawing, save
+from coachable.foundation.errors import RunFolderError
+from coachable.foundation.style import INK, STANCE, SWING, drawing, save
 
 Values = Callable[[Measurements, SetupRuns], np.ndarray]
 

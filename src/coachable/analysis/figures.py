@@ -18,7 +18,7 @@ from coachable.analysis.paper import Figure as PaperFigure
 from coachable.analysis.paper import paper_curves, paper_numbers
 from coachable.analysis.sections import IN_UNIT, with_interval
 from coachable.analysis.statistics import Band, learning_curve, mean_highest
-from coachable.style import FAINT, INK, STANCE, drawing, save, setup_colours
+from coachable.foundation.style import FAINT, INK, STANCE, drawing, save, setup_colours
 
 WIDTH = 7.16
 """Both columns of a two-column page [in]."""

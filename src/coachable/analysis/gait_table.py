@@ -9,7 +9,7 @@ import numpy as np
 
 from coachable.analysis.intervals import Estimate, estimate, mean
 from coachable.analysis.training_table import by_seed, cell, heading, tell_table
-from coachable.studies.store import TrainingRun
+from coachable.experiments.run_folder.reader import TrainingRun
 
 MEASURES = {
     "environment": ("environment's return", 1.0),

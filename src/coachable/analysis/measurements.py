@@ -10,8 +10,8 @@ import numpy as np
 import pyarrow as pa
 from jaxtyping import Bool, Float, Int
 
-from coachable.errors import RunFolderError
-from coachable.studies.store import Lane, Run, Study
+from coachable.experiments.run_folder.reader import Lane, Run, Study
+from coachable.foundation.errors import RunFolderError
 
 WATCHED_SECONDS = 100.0
 """How long the final walkers are watched."""

@@ -14,9 +14,9 @@ from rich.text import Text
 
 from coachable.analysis.figures import WIDTH
 from coachable.analysis.intervals import Estimate, estimate, interval, mean
-from coachable.errors import RunFolderError
-from coachable.studies.store import TrainingRun
-from coachable.style import drawing, save, setup_colours
+from coachable.experiments.run_folder.reader import TrainingRun
+from coachable.foundation.errors import RunFolderError
+from coachable.foundation.style import drawing, save, setup_colours
 
 _RESAMPLES = 999
 _COLUMNS = 100

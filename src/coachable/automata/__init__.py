@@ -1,1 +1,1 @@
-"""The formal model of a behaviour: a hybrid automaton, its execution and its picture."""
+"""The formal model of a behaviour: a hybrid automaton, its execution, and monitors of recorded runs."""

@@ -12,15 +12,15 @@ import numpy as np
 
 from coachable.automata.execution import execute
 from coachable.automata.hybrid import TOUCHDOWN, HybridAutomaton
-from coachable.automata.notation import pretty_name, pretty_predicate
 from coachable.behaviours.behaviour import Behaviour, Edge, Phase
 from coachable.behaviours.checking.comparison import Answer, State
-from coachable.behaviours.checking.encoding import State as Moment
-from coachable.behaviours.checking.smt import Question
+from coachable.behaviours.checking.solver.encoding import State as Moment
+from coachable.behaviours.checking.solver.smt import Question
 from coachable.behaviours.expressions import Arithmetic, Call, Number, Variable
+from coachable.behaviours.notation import pretty_name, pretty_predicate
 from coachable.behaviours.predicates import OPERATORS, All, Comparison, Not, Predicate, Signal, holds
 from coachable.behaviours.rewriting import conjuncts
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 from coachable.plants.compass import START, STATE_NAMES, CompassWalker
 from coachable.plants.controllers import VirtualGravity
 

@@ -12,11 +12,11 @@ import pyarrow as pa
 from pyarrow import csv as pa_csv
 
 from coachable.automata.monitor import Monitor
-from coachable.automata.report import Report
+from coachable.automata.monitor_report import Report
 from coachable.automata.trace_file import read_trace
 from coachable.automata.violation import Violation, seconds
 from coachable.behaviours.behaviour import Behaviour, Edge
-from coachable.errors import TraceError
+from coachable.foundation.errors import TraceError
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from jaxtyping import Array, Bool, Float
 
 from coachable.behaviours.behaviour import Behaviour, Edge
 from coachable.behaviours.predicates import Predicate, Signal
-from coachable.behaviours.suggestion import suggestion
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
+from coachable.foundation.suggestion import suggestion
 
 State = Float[Array, " state"]
 Flow = Callable[[State, Float[Array, " control"]], State]

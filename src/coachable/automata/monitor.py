@@ -9,12 +9,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from coachable.automata.decision_diagram import DecisionDiagram
-from coachable.automata.report import Report, Stays
+from coachable.automata.monitor_report import Report, Stays
 from coachable.automata.tracker import CLOCK_TOLERANCE, Tracker
 from coachable.automata.violation import Kind, Violation, seconds
 from coachable.behaviours.behaviour import Behaviour, Dwell, Edge
-from coachable.behaviours.suggestion import suggestion
-from coachable.errors import TraceError
+from coachable.foundation.errors import TraceError
+from coachable.foundation.suggestion import suggestion
 
 Column = Sequence[int | float] | np.ndarray
 

@@ -17,8 +17,8 @@ import pyarrow.parquet as pq
 from pyarrow import csv as pa_csv
 
 from coachable.behaviours.predicates import Signal
-from coachable.behaviours.suggestion import suggestion
-from coachable.errors import TraceError
+from coachable.foundation.errors import TraceError
+from coachable.foundation.suggestion import suggestion
 
 TIME_NAMES = ("t", "time")
 

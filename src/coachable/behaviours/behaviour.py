@@ -20,8 +20,8 @@ from coachable.behaviours.predicates import (
     signals_of,
 )
 from coachable.behaviours.rewriting import unwrapped
-from coachable.behaviours.suggestion import suggestion
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
+from coachable.foundation.suggestion import suggestion
 
 
 @dataclass(frozen=True)

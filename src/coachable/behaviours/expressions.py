@@ -15,7 +15,7 @@ from functools import reduce
 from types import MappingProxyType
 
 from coachable.behaviours.names import flaw_of_name, flaw_of_unit
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 
 
 @dataclass(frozen=True)

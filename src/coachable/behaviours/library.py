@@ -6,9 +6,9 @@ from functools import cache
 from pathlib import Path
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.suggestion import suggestion
 from coachable.behaviours.text.sources import LIBRARY
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
+from coachable.foundation.suggestion import suggestion
 
 SHIPPED = (
     "compass-walking",

@@ -27,7 +27,7 @@ from coachable.behaviours.expressions import (
     subexpressions,
 )
 from coachable.behaviours.names import flaw_of_name, flaw_of_unit, flaw_of_word
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 
 OPERATORS: Mapping[str, Callable] = MappingProxyType(
     {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import tyro
 
 import coachable
-from coachable.behaviours.suggestion import suggestion
 from coachable.cli import descriptions, exports, studies, training, verification, walks
-from coachable.errors import CoachableError
+from coachable.foundation.errors import CoachableError
+from coachable.foundation.suggestion import suggestion
 
 COMMANDS = {
     "study": studies.study,

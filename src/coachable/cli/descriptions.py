@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from coachable.cli.options import json_text, option
-from coachable.errors import CoachableError
+from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
     from coachable.automata.crossing import Crossing
@@ -104,7 +104,7 @@ def format(
         coachable format --check *.behaviour
     """
     from coachable.behaviours.text.document import formatted_file
-    from coachable.studies.files import replace_text
+    from coachable.foundation.files import replace_text
 
     if not files:
         raise CoachableError("name at least one file")
@@ -155,11 +155,11 @@ def draw(
         raise CoachableError(f"{out}: give a file that ends in {', '.join(suffixes)}")
     described = load_behaviour(behaviour)
     if suffix in _DRAWINGS[2:]:
-        from coachable.automata.plain_text import automaton_dot, automaton_mermaid
+        from coachable.diagram.plain_text import automaton_dot, automaton_mermaid
 
         text = automaton_dot(described) if suffix == ".dot" else automaton_mermaid(described)
     elif reward is None:
-        from coachable.automata.draw import automaton_svg
+        from coachable.diagram.draw import automaton_svg
 
         text = automaton_svg(described)
     else:
@@ -167,7 +167,7 @@ def draw(
 
         text = reward_svg(described, reward)
     if suffix == ".png":
-        from coachable.automata.raster import svg_to_png
+        from coachable.diagram.raster import svg_to_png
 
         out.write_bytes(svg_to_png(text))
     else:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from coachable.cli.options import Clock, ControllerName, LaneSeed, LaneSetup, Which, WhichPolicy, option
-from coachable.errors import CoachableError
+from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
     from coachable.verification.export.model import Model
@@ -71,7 +71,7 @@ def export(
             raise CoachableError(f"{out} holds a policy alone; leave out --baseline and --clock")
         _write_onnx(what, setup, seed, which, out)
         return
-    from coachable.studies.files import write_atomic
+    from coachable.foundation.files import write_atomic
 
     if (write := _WRITERS.get(out.suffix.lower())) is None:
         raise CoachableError(f"{out}: give a file that ends in {', '.join(('.onnx', *_WRITERS))}")
@@ -88,9 +88,9 @@ def export(
 
 
 def _write_onnx(what: str | None, setup: str | None, seed: int | None, which: Which, out: Path) -> None:
+    from coachable.experiments.run_folder.reader import open_run
+    from coachable.foundation.files import write_atomic
     from coachable.learning.onnx_graph import onnx_bytes
-    from coachable.studies.files import write_atomic
-    from coachable.studies.store import open_run
 
     if what is None:
         raise CoachableError("which policy? Give a run folder: coachable export runs/paper -o policy.onnx")
@@ -107,7 +107,7 @@ def _lane(
     which: Which,
     clock: Clock | None,
 ) -> Model:
-    from coachable.studies.store import load_run
+    from coachable.experiments.run_folder.reader import load_run
     from coachable.verification.export.model import Model
 
     run = load_run(path)

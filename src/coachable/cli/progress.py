@@ -17,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from coachable.verification.verify import Tell
+from coachable.verification.passport.verify import Tell
 
 SECONDS_BETWEEN_LINES = 30.0
 

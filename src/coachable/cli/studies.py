@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 
 from coachable.cli.descriptions import warn_of_errors
 from coachable.cli.options import Semantics, option
-from coachable.errors import CoachableError
+from coachable.foundation.errors import CoachableError
 
 
 def study(
@@ -60,8 +60,8 @@ def study(
         coachable study mine.toml --setups orthant mine --seeds 5 --steps 100000
         coachable study paper --trainer sb3-ppo --setups orthant --seeds 5 --out runs/sb3
     """
-    from coachable.studies.plan import load_plan
-    from coachable.studies.runner import run_study
+    from coachable.experiments.plan import load_plan
+    from coachable.experiments.runner import run_study
 
     resolved = load_plan(
         plan,
@@ -95,7 +95,7 @@ def table(
     from coachable.analysis.measurements import measure
     from coachable.analysis.table import print_table, write_markdown
     from coachable.analysis.training_table import tell_training
-    from coachable.studies.store import TrainingRun, open_run
+    from coachable.experiments.run_folder.reader import TrainingRun, open_run
 
     opened = open_run(run)
     if isinstance(opened, TrainingRun):
@@ -121,7 +121,7 @@ def compare(
     """
     from coachable.analysis.comparison import tell_comparison
     from coachable.analysis.measurements import measure
-    from coachable.studies.store import load_run
+    from coachable.experiments.run_folder.reader import load_run
 
     studies = {}
     for path in (run, other):
@@ -166,8 +166,8 @@ def report(
         raise CoachableError("give at least one RUN: coachable report runs/paper")
     from rich.console import Console
 
+    from coachable.analysis.citation import citation
     from coachable.analysis.report.formats import write
-    from coachable.studies.citation import citation
 
     console = Console(stderr=True)
     with console.status("reading") as status:
@@ -185,6 +185,6 @@ def cite() -> None:
 
         coachable cite >> references.bib
     """
-    from coachable.studies.citation import citation
+    from coachable.analysis.citation import citation
 
     print(citation(), end="")

@@ -9,7 +9,7 @@ from tyro.conf import Positional, arg
 
 from coachable.cli.descriptions import warn_of_errors
 from coachable.cli.options import option
-from coachable.errors import PlanError
+from coachable.foundation.errors import PlanError
 
 COMPASS_WALKER = "coachable/CompassWalker-v0"
 
@@ -80,8 +80,8 @@ def train(
         _train_compass_walker(behaviour, settings, setup, out, said, allow_different_layout)
         return
     from coachable.analysis.training_table import tell_training
-    from coachable.studies.training import load_training, trainer_settings
-    from coachable.studies.training_runner import run_training
+    from coachable.experiments.training import load_training, trainer_settings
+    from coachable.experiments.training_runner import run_training
 
     if setup is not None:
         raise PlanError("--setup is for the compass walker; name the setups of a training in its plan")
@@ -125,11 +125,11 @@ def _train_compass_walker(
 ) -> None:
     """A study of one setup: the compass walker has a task, an evaluation and baselines of its own."""
     from coachable.cli.studies import table
+    from coachable.experiments.plan import with_options
+    from coachable.experiments.runner import run_study
+    from coachable.experiments.study import Study
+    from coachable.experiments.training import trainer_settings
     from coachable.rewards.setup import paper_setup
-    from coachable.studies.plan import with_options
-    from coachable.studies.runner import run_study
-    from coachable.studies.study import Study
-    from coachable.studies.training import trainer_settings
 
     if settings is not None:
         whose = "ppo" if said["trainer"] in (None, "ppo") else "sb3"

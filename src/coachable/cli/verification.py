@@ -18,11 +18,11 @@ from coachable.cli.options import (
     WhichPolicy,
     option,
 )
-from coachable.errors import CoachableError
+from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
-    from coachable.verification.passport import Passport
-    from coachable.verification.subject import Subject
+    from coachable.verification.passport.closed_loop import Subject
+    from coachable.verification.passport.passport import Passport
 
 
 def verify(
@@ -94,7 +94,7 @@ def verify(
             "which walker? Give a run folder or a baseline: coachable verify runs/paper --all"
         )
     from coachable.envs.baselines import CONTROLLER_NAMES
-    from coachable.studies.runner import set_up_jax
+    from coachable.experiments.runner import set_up_jax
 
     if all and seed is not None:
         raise CoachableError("--all means every seed; leave out --seed, or --all")
@@ -104,7 +104,7 @@ def verify(
             raise CoachableError(
                 f"{run} is a baseline, without setups and seeds; leave out --setup, --seed, --all"
             )
-        from coachable.verification.subject import baseline_subject
+        from coachable.verification.passport.closed_loop import baseline_subject
 
         subjects = [baseline_subject(run, semantics, clock)]
         folder, beside = out, None
@@ -114,7 +114,7 @@ def verify(
     passports = _verified(subjects, level, folder, beside, certify=certify, resume=all)
     _show(passports, summary=all, as_json=json)
     if all and folder is not None:
-        from coachable.verification.passport_text import write_summary
+        from coachable.verification.passport.text import write_summary
 
         write_summary(passports, folder)
     if folder is not None:
@@ -131,8 +131,8 @@ def _subjects(
     every: bool,
 ) -> tuple[list[Subject], Subject]:
     """The lanes asked for, and the baseline of their run."""
-    from coachable.studies.store import load_run
-    from coachable.verification.subject import baseline_subject, lane_subject
+    from coachable.experiments.run_folder.reader import load_run
+    from coachable.verification.passport.closed_loop import baseline_subject, lane_subject
 
     opened = load_run(run)
     plan = opened.plan
@@ -160,7 +160,7 @@ def _verified(
 ) -> list[Passport]:
     """The passports, those that are there already kept if `resume`."""
     from coachable.cli.progress import walkers_progress
-    from coachable.verification.verify import kept_passport, verify
+    from coachable.verification.passport.verify import kept_passport, verify
 
     kept = {
         subject.walker.name: passport
@@ -181,7 +181,7 @@ def _verified(
 def _recheck(path: Path) -> None:
     from rich.console import Console
 
-    from coachable.verification.evidence import require_crival
+    from coachable.verification.passport.attempts import require_crival
 
     require_crival()
     from coachable.verification.certificate.file import recheck
@@ -197,8 +197,8 @@ def _recheck(path: Path) -> None:
 def _show(passports: list[Passport], *, summary: bool, as_json: bool) -> None:
     from rich.console import Console
 
-    from coachable.verification.passport import passport_data
-    from coachable.verification.passport_text import print_passport, print_summary
+    from coachable.verification.passport.passport import passport_data
+    from coachable.verification.passport.text import print_passport, print_summary
 
     if as_json:
         import json

@@ -18,10 +18,10 @@ from coachable.cli.options import (
     json_text,
     option,
 )
-from coachable.errors import PlanError
+from coachable.foundation.errors import PlanError
 
 if TYPE_CHECKING:
-    from coachable.studies.store import TrainingRun
+    from coachable.experiments.run_folder.reader import TrainingRun
 
 
 def watch(
@@ -62,7 +62,7 @@ def watch(
     if not seconds > 0:
         raise PlanError(f"seconds must be greater than zero, got {seconds}")
     from coachable.envs.baselines import CONTROLLER_NAMES
-    from coachable.studies.walks import walk_of_baseline, walk_of_lane
+    from coachable.experiments.walks import walk_of_baseline, walk_of_lane
 
     if (run in CONTROLLER_NAMES or run.endswith(".json")) and (setup is not None or seed is not None):
         raise PlanError(f"--setup and --seed name a lane of a run, but {run} is given; leave them out")
@@ -70,12 +70,12 @@ def watch(
         walks = [walk_of_baseline(run, semantics, seconds)]
         who = walks[0].title
     elif run.endswith(".json"):
-        from coachable.verification.counterexample_file import load_counterexample
+        from coachable.verification.falsification.counterexample_file import load_counterexample
 
         walks = [load_counterexample(Path(run))]
         who = walks[0].title
     else:
-        from coachable.studies.store import TrainingRun, open_run
+        from coachable.experiments.run_folder.reader import TrainingRun, open_run
 
         opened = open_run(run)
         setup = setup or opened.plan.setups[0].name
@@ -96,8 +96,8 @@ def _draw_robot(
     run: TrainingRun, setup: str, seeds: list[int], which: Which, seconds: float, out: Path
 ) -> None:
     """A film, or a strobe picture of the end; only MuJoCo's robots are not drawn by their environment."""
-    from coachable.studies.training_walks import has_limbs, recorded_walk, rendered_walk
-    from coachable.style import save
+    from coachable.experiments.training_walks import has_limbs, recorded_walk, rendered_walk
+    from coachable.foundation.style import save
     from coachable.viewing.rendered import draw_rendered
     from coachable.viewing.robot_strobe import robot_strobe
     from coachable.viewing.side_view import SideView
@@ -133,8 +133,8 @@ def record(
         coachable explain mine.behaviour walk.csv
     """
     from coachable.automata.trace_file import write_trace
-    from coachable.studies.store import TrainingRun
-    from coachable.studies.training_walks import recorded_walk
+    from coachable.experiments.run_folder.reader import TrainingRun
+    from coachable.experiments.training_walks import recorded_walk
 
     if episode < 0:
         raise PlanError(f"episodes are counted from 0, got {episode}")
@@ -165,9 +165,9 @@ def gait(
     """
     from coachable.analysis.gait_table import tell_gaits
     from coachable.cli.progress import walkers_progress
-    from coachable.studies.store import TrainingRun
-    from coachable.style import save
-    from coachable.verification.gait_survey import survey
+    from coachable.experiments.run_folder.reader import TrainingRun
+    from coachable.foundation.style import save
+    from coachable.gaits.survey import survey
     from coachable.viewing.footfalls import footfalls
 
     if episodes < 1:

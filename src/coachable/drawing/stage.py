@@ -12,8 +12,8 @@ from PIL import Image
 
 from coachable.drawing.pen import FINER, Pen, Point
 from coachable.drawing.pose import Pose
+from coachable.foundation.style import FAINT, INK, PAGE, STANCE, SWING, phase_colours
 from coachable.plants.compass import CompassParameters
-from coachable.style import FAINT, INK, PAGE, STANCE, SWING, phase_colours
 
 SIZE = WIDTH, HEIGHT = 640, 360
 """Of a picture [pixels]."""

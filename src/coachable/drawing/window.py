@@ -7,7 +7,7 @@ import os
 from PIL import Image
 
 from coachable.drawing.stage import SIZE
-from coachable.errors import MissingExtraError
+from coachable.foundation.errors import MissingExtraError
 
 
 class Window:

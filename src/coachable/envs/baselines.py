@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from coachable.behaviours.suggestion import suggestion
 from coachable.envs.rollout import Episode, Summary, Trajectory, rollout, summary
 from coachable.envs.walking_task import NO_BOX, WalkingTask, make_task
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
+from coachable.foundation.suggestion import suggestion
 from coachable.plants.compass import PAPER_PARAMETERS, STATE_NAMES, CompassParameters
 from coachable.plants.controllers import ConstantTorque, NoTorque, VirtualGravity
 from coachable.plants.integrate import advance

@@ -12,9 +12,9 @@ from gymnasium.utils import RecordConstructorArgs
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
-from coachable.behaviours.suggestion import suggestion
-from coachable.envs.environment_signals import OnNaN, Signals, numbers_of_one, reader_of_one, time_step
-from coachable.errors import ParameterError
+from coachable.envs.signals.reading import OnNaN, Signals, numbers_of_one, reader_of_one, time_step
+from coachable.foundation.errors import ParameterError
+from coachable.foundation.suggestion import suggestion
 from coachable.rewards.described_reward import DescribedReward, Shaping
 from coachable.rewards.phase_reward import Variant
 from coachable.rewards.run_reward import RunReward, RunStep

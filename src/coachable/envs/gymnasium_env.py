@@ -13,7 +13,6 @@ from jaxtyping import Float
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
-from coachable.behaviours.suggestion import suggestion
 from coachable.envs.compiled_walk import (
     Facts,
     begin_episode,
@@ -23,11 +22,12 @@ from coachable.envs.compiled_walk import (
     info_of,
     step,
 )
-from coachable.envs.observation_bounds import observation_bounds
-from coachable.envs.start import Distribution, Start
+from coachable.envs.start_distribution import Distribution, Start
 from coachable.envs.walking_task import ACTION_BOX, Clock, Timestep, WalkingState, make_task
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
+from coachable.foundation.suggestion import suggestion
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
+from coachable.plants.compass.observation_bounds import observation_bounds
 from coachable.rewards.phase_reward import Variant
 from coachable.rewards.setup import RewardSetup, Semantics, paper_setup
 

@@ -26,7 +26,7 @@ from coachable.envs.compiled_walk import (
 )
 from coachable.envs.gymnasium_env import CompassWalkerEnv, ended, picture
 from coachable.envs.vector_infos import masked, only
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
 
 Walkers = Bool[np.ndarray, " walkers"]
 """Which of them."""

@@ -16,9 +16,9 @@ from jaxtyping import Bool, Float
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.behaviour_reward import described_reward, require_known_on_nan, taken, with_phase
-from coachable.envs.environment_signals import OnNaN, Signals, numbers_of_many, reader_of_many
+from coachable.envs.signals.reading import OnNaN, Signals, numbers_of_many, reader_of_many
 from coachable.envs.vector_infos import at_the_end, masked, only
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
 from coachable.rewards.described_reward import VERDICTS, RewardMemory, Shaping, StepInfo
 from coachable.rewards.phase_reward import Variant
 

@@ -10,11 +10,11 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from coachable.automata.tracker import Memory
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
-from coachable.behaviours.suggestion import suggestion
 from coachable.envs.squashing import SQUASHINGS, Squashing
 from coachable.envs.task import Task as Task
 from coachable.envs.task import Timestep as Timestep
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
+from coachable.foundation.suggestion import suggestion
 from coachable.plants.compass import PAPER_PARAMETERS, START, CompassParameters, CompassWalker
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
 from coachable.plants.integrate import Advance, advance

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 from math import isfinite
 
 from coachable.envs.squashing import SQUASHINGS, Squashing
-from coachable.errors import PlanError
+from coachable.foundation.errors import PlanError
 
 
 @dataclass(frozen=True)

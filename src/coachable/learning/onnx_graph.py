@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from coachable.errors import MissingExtraError
+from coachable.foundation.errors import MissingExtraError
 from coachable.learning.policy import Policy
 
 OPSET = 17

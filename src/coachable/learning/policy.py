@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from coachable.envs.squashing import SQUASHINGS
-from coachable.errors import RunFolderError
+from coachable.foundation.errors import RunFolderError
 
 ACTIVATIONS = {"tanh": jnp.tanh, "relu": jax.nn.relu}
 

@@ -18,8 +18,8 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-from coachable.behaviours.suggestion import suggestion
-from coachable.errors import PlanError
+from coachable.foundation.errors import PlanError
+from coachable.foundation.suggestion import suggestion
 from coachable.learning.policy import Policy
 
 ALGORITHMS = {"sb3-ppo": PPO, "sb3-sac": SAC, "sb3-td3": TD3}

@@ -10,8 +10,8 @@ from coachable.plants.controllers import NoTorque as NoTorque
 from coachable.plants.controllers import VirtualGravity as VirtualGravity
 from coachable.plants.event_search import PAPER_CHATTER as PAPER_CHATTER
 from coachable.plants.event_search import ChatterRule as ChatterRule
-from coachable.plants.hybrid_system import HybridSystem as HybridSystem
 from coachable.plants.integrate import Advance as Advance
 from coachable.plants.integrate import advance as advance
 from coachable.plants.outcome import Outcome as Outcome
+from coachable.plants.plant import HybridSystem as HybridSystem
 from coachable.plants.runge_kutta import rk4 as rk4

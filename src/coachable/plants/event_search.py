@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from coachable.plants.hybrid_system import HybridSystem
 from coachable.plants.outcome import Outcome
+from coachable.plants.plant import HybridSystem
 from coachable.plants.runge_kutta import rk4
 
 NUM_POLISHINGS = 2

@@ -6,7 +6,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule, integrate_through_events, standing_at
-from coachable.plants.hybrid_system import HybridSystem
+from coachable.plants.plant import HybridSystem
 from coachable.plants.runge_kutta import rk4
 
 

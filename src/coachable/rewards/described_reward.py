@@ -15,8 +15,8 @@ from jaxtyping import Bool, Float, Int
 from coachable.automata.classifier import array_library
 from coachable.automata.tracker import Memory, Move
 from coachable.behaviours.behaviour import Behaviour, Edge
-from coachable.behaviours.suggestion import suggestion
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
+from coachable.foundation.suggestion import suggestion
 from coachable.rewards.phase_reward import PhaseReward, Variant, beside
 
 

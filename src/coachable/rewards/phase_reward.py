@@ -12,8 +12,8 @@ from jaxtyping import Array, Float, Int, Int8
 from coachable.automata.classifier import Classifier, array_library
 from coachable.automata.tracker import Memory, Move, Tracker
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.suggestion import suggestion
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
+from coachable.foundation.suggestion import suggestion
 
 Variant = Literal["stay", "equation", "released"]
 

@@ -8,14 +8,14 @@ from types import MappingProxyType
 from jaxtyping import Int8
 from numpy import ndarray
 
-from coachable.automata.captions import balanced
-from coachable.automata.draw import document, rectangle
-from coachable.automata.layout import Box, Ring, drawing_order, surrounding
-from coachable.automata.lettering import Line, lettering, safe, size_of, text_width
-from coachable.automata.routing import Arrow, routes, straight
 from coachable.behaviours.behaviour import Behaviour
+from coachable.diagram.captions import balanced
+from coachable.diagram.draw import document, rectangle
+from coachable.diagram.layout import Box, Ring, drawing_order, surrounding
+from coachable.diagram.lettering import Line, lettering, safe, size_of, text_width
+from coachable.diagram.routing import Arrow, routes, straight
+from coachable.foundation.style import PAID, PUNISHED
 from coachable.rewards.phase_reward import Variant, reward_table
-from coachable.style import PAID, PUNISHED
 
 _SAYS: Mapping[Variant, str] = MappingProxyType(
     {

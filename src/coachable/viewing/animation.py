@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from coachable.drawing.stage import NamedPhase
-from coachable.errors import CoachableError, MissingExtraError
+from coachable.foundation.errors import CoachableError, MissingExtraError
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
 from coachable.viewing.scene import Scene, SideBySide
 from coachable.viewing.walk import Walk

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from coachable.style import FAINT, INK, STANCE, SWING, drawing
+from coachable.foundation.style import FAINT, INK, STANCE, SWING, drawing
 from coachable.viewing.walk import runs_of
 
 WIDTH = 7.16

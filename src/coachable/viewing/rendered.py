@@ -12,8 +12,8 @@ from PIL import Image
 
 from coachable.drawing.pen import FINER, Pen
 from coachable.drawing.stage import NamedPhase
-from coachable.errors import CoachableError
-from coachable.style import FAINT, INK, PAGE, phase_colours
+from coachable.foundation.errors import CoachableError
+from coachable.foundation.style import FAINT, INK, PAGE, phase_colours
 from coachable.viewing.animation import write_film
 from coachable.viewing.side_view import SIDE
 from coachable.viewing.walk import runs_of

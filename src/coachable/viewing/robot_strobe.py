@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from coachable.style import FAINT, INK, drawing, phase_colours
+from coachable.foundation.style import FAINT, INK, drawing, phase_colours
 from coachable.viewing.side_view import SideView
 from coachable.viewing.strobe import FAINTEST, WIDTH, faded, write
 from coachable.viewing.walk import runs_of

@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from coachable.drawing.pen import FINER, Pen
 from coachable.drawing.stage import HEIGHT, WIDTH, NamedPhase, Stage, blank_page, draw_words
-from coachable.style import FAINT, HAIRLINE, INK, PAGE, phase_colours
+from coachable.foundation.style import FAINT, HAIRLINE, INK, PAGE, phase_colours
 from coachable.viewing.walk import Walk, runs_of
 
 _STRIP_LEFT, _STRIP_TOP, _STRIP_RIGHT, _STRIP_BOTTOM = 24.0, 326.0, 616.0, 338.0

@@ -14,8 +14,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from coachable.drawing.pen import FINER, Pen
 from coachable.drawing.stage import NamedPhase
-from coachable.errors import ParameterError
-from coachable.style import FAINT, HAIRLINE, INK, PAGE, STANCE, SWING
+from coachable.foundation.errors import ParameterError
+from coachable.foundation.style import FAINT, HAIRLINE, INK, PAGE, STANCE, SWING
 
 SIDE = 360
 """Of a picture [pixels]."""

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from coachable.drawing.stage import NamedPhase
+from coachable.foundation.style import FAINT, INK, PAGE, STANCE, SWING, drawing, phase_colours, save
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
-from coachable.style import FAINT, INK, PAGE, STANCE, SWING, drawing, phase_colours, save
 from coachable.viewing.walk import Walk, runs_of
 
 WIDTH = 7.16

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from coachable.drawing.stage import NamedPhase
-from coachable.errors import CoachableError
+from coachable.foundation.errors import CoachableError
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
 
 FILMS, PICTURES = (".gif", ".mp4"), (".png", ".svg", ".pdf")

@@ -13,11 +13,11 @@ from coachable.analysis import intervals, significance, statistics
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.baselines import baseline
+from coachable.experiments.plan import Study, with_options
+from coachable.experiments.run_folder.reader import BASELINE
+from coachable.experiments.run_folder.schemas import SCHEMAS, table_of
+from coachable.experiments.run_folder.writer import RunFolder
 from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES
-from coachable.studies.columns import SCHEMAS, table_of
-from coachable.studies.folder import RunFolder
-from coachable.studies.plan import Study, with_options
-from coachable.studies.store import BASELINE
 
 SETUPS = ("sparse", "forward", "orthant", "forward+orthant")
 STEPS = 60_000

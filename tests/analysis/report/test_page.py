@@ -14,7 +14,7 @@ import pytest
 from coachable.analysis.report.formats import write
 from coachable.analysis.report.page import read_studies, render, write_report
 from coachable.analysis.report.walks import even_selection
-from coachable.errors import RunFolderError
+from coachable.foundation.errors import RunFolderError
 
 BIBTEX = "@software{coachable, title = {A & B <c>}}"
 

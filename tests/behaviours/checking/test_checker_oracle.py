@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coachable.behaviours import All, Any, Behaviour, Comparison, Edge, Not, Phase, Signal, holds
-from coachable.behaviours.checking.cells import cells_of
 from coachable.behaviours.checking.checker import check
 from coachable.behaviours.checking.findings import Report
+from coachable.behaviours.checking.solver.cells import cells_of
 from coachable.behaviours.checking.transitions import Regions, edges
 from coachable.behaviours.predicates import subpredicates
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coachable.behaviours.checking.units import NONE, Unit, parse_unit, unfamiliar
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 
 EQUAL = [
     ("N", "kg*m/s^2"),

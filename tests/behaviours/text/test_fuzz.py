@@ -16,7 +16,7 @@ from coachable.behaviours.library import LIBRARY, load_behaviour
 from coachable.behaviours.text.formatter import formatted
 from coachable.behaviours.text.parser import parse
 from coachable.behaviours.text.printer import to_text
-from coachable.errors import BehaviourError, BehaviourTextError
+from coachable.foundation.errors import BehaviourError, BehaviourTextError
 
 MANY = settings(max_examples=int(os.environ.get("COACHABLE_FUZZ", "60")))
 TEXTS = [path.read_text(encoding="utf-8") for path in sorted(LIBRARY.glob("*"))]

@@ -17,7 +17,7 @@ from coachable.behaviours import (
 )
 from coachable.behaviours.expressions import Arithmetic, Call, Negative
 from coachable.behaviours.text.parser import parse
-from coachable.errors import BehaviourTextError
+from coachable.foundation.errors import BehaviourTextError
 
 HOP = """\
 behaviour "hop"

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coachable.errors import ParameterError, RunFolderError
+from coachable.foundation.errors import ParameterError, RunFolderError
 from coachable.learning.policy import Policy
 from coachable.plants.compass import STATE_NAMES, CompassParameters, CompassWalker
 from coachable.plants.controllers import ConstantTorque, VirtualGravity
@@ -24,8 +24,8 @@ from coachable.verification.certificate.file import (
     write_certificate,
 )
 from coachable.verification.certificate.proposal import Attempt, Proposal, eigenbasis, propose, rounded
-from coachable.verification.orbit import Orbit
-from coachable.verification.section import Loop
+from coachable.verification.gait.orbit import Orbit
+from coachable.verification.gait.section import Loop
 from tests.verification.certificate import simulator
 from tests.verification.certificate.alone import checker as alone
 from tests.verification.certificate.claims import certificate

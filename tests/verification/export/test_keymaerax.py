@@ -6,7 +6,7 @@ import pytest
 
 from coachable.behaviours.behaviour import Behaviour, Edge, Phase
 from coachable.behaviours.predicates import All, Any, Comparison, Not, Signal
-from coachable.errors import BehaviourError, ParameterError
+from coachable.foundation.errors import BehaviourError, ParameterError
 from coachable.plants.compass import STATE_NAMES, CompassParameters, CompassWalker
 from coachable.plants.controllers import ConstantTorque, VirtualGravity
 from coachable.verification.export.equations import decimal, inlined

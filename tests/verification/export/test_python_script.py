@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from coachable.envs.baselines import baseline
+from coachable.experiments.api import rollout
 from coachable.plants.controllers import NoTorque
-from coachable.studies.api import rollout
 from coachable.verification.export.model import Model
 from coachable.verification.export.python_script import python_script
 

@@ -7,7 +7,7 @@ import pytest
 from coachable.behaviours.behaviour import Behaviour, Phase
 from coachable.behaviours.expressions import Call, Variable
 from coachable.behaviours.predicates import Any, Comparison
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
 from coachable.plants.compass import STATE_NAMES, CompassWalker
 from coachable.verification.export.model import Model
 from coachable.verification.export.spaceex import spaceex

@@ -10,7 +10,7 @@ from coachable.analysis.figures import paper_figures
 from coachable.analysis.report.page import read_studies, write_report
 from coachable.analysis.report.study import StudyReport, Tell
 from coachable.analysis.table import markdown_of
-from coachable.style import save
+from coachable.foundation.style import save
 
 Format = Literal["html", "md", "pdf-figures"]
 

@@ -20,9 +20,9 @@ from coachable.analysis.report.provenance import provenance
 from coachable.analysis.report.study import StudyReport, Tell, labels, read_study
 from coachable.analysis.report.walks import MOST_WALKS
 from coachable.analysis.sections import PAPER, heading
-from coachable.automata.draw import automaton_svg
-from coachable.errors import RunFolderError
-from coachable.style import (
+from coachable.diagram.draw import automaton_svg
+from coachable.foundation.errors import RunFolderError
+from coachable.foundation.style import (
     BAD,
     DARK_PAGE,
     FAINT,
@@ -123,7 +123,7 @@ def _policy(scripts: Sequence[str]) -> str:
 
 
 def _palette(studies: Sequence[StudyReport]) -> str:
-    """The colours of `coachable.style` as CSS variables, for the light and for the dark page."""
+    """The colours of `coachable.foundation.style` as CSS variables, for the light and for the dark page."""
     setups = list(dict.fromkeys(name for study in studies for name in study.setup_names))
     phases = phase_colours(max(len(study.run.behaviour.phases) for study in studies))[:-1]
     lines = {"stance": STANCE, "swing": SWING, "good": GOOD, "bad": BAD}

@@ -23,8 +23,8 @@ from coachable.analysis.sections import Section, sections_of
 from coachable.behaviours.expressions import Number, Variable
 from coachable.behaviours.predicates import Comparison, Predicate
 from coachable.behaviours.rewriting import conjuncts
-from coachable.errors import RunFolderError
-from coachable.studies.store import Run, load_run
+from coachable.experiments.run_folder.reader import Run, load_run
+from coachable.foundation.errors import RunFolderError
 
 Tell = Callable[[str], None]
 """Is told what is under way."""

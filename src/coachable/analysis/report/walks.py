@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.compute as pc
 
 from coachable.analysis.report.packing import pack
-from coachable.studies.store import BASELINE, Run
+from coachable.experiments.run_folder.reader import BASELINE, Run
 
 MOST_WALKS = 128
 """Walks in a page, all studies together; of more an even selection is embedded."""

@@ -9,8 +9,8 @@ import math
 from collections.abc import Iterator
 
 from coachable.behaviours.behaviour import Behaviour, Phase
-from coachable.behaviours.checking import smt
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
+from coachable.behaviours.checking.solver import smt
 from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, holds
 from coachable.behaviours.rewriting import widened
 

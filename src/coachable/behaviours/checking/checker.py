@@ -11,7 +11,7 @@ from coachable.behaviours.checking.findings import Finding, Report, Result
 from coachable.behaviours.checking.partition import empty_phases, gaps, overlaps
 from coachable.behaviours.checking.transitions import Regions, edges, nondeterminism
 from coachable.behaviours.checking.unit_findings import unit_mismatches
-from coachable.behaviours.checking.wording import size, unconnected, unused
+from coachable.behaviours.checking.usage import size, unconnected, unused
 
 
 def check(behaviour: Behaviour) -> Report:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.checking.smt import Question, refuted
+from coachable.behaviours.checking.solver.smt import Question, refuted
 from coachable.behaviours.expressions import Expression
 from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, signals_of
 from coachable.behaviours.rewriting import widened

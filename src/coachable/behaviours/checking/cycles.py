@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from fractions import Fraction
 
 from coachable.behaviours.behaviour import Behaviour, Dwell, Edge, Phase
-from coachable.behaviours.checking import smt
-from coachable.behaviours.checking.affine import affine, decimal, is_affine
-from coachable.behaviours.checking.encoding import State, exact
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
+from coachable.behaviours.checking.solver import smt
+from coachable.behaviours.checking.solver.affine import affine, decimal, is_affine
+from coachable.behaviours.checking.solver.encoding import State, exact
 from coachable.behaviours.checking.transitions import Regions, rates_of
 from coachable.behaviours.expressions import Arithmetic
 from coachable.behaviours.predicates import OPERATORS, Comparison, subpredicates

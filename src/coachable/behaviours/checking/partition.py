@@ -6,9 +6,9 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 
 from coachable.behaviours.behaviour import Behaviour, Phase
-from coachable.behaviours.checking import smt
-from coachable.behaviours.checking.cells import Cells, cells_of
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
+from coachable.behaviours.checking.solver import smt
+from coachable.behaviours.checking.solver.cells import Cells, cells_of
 from coachable.behaviours.predicates import Any, Not, Predicate
 from coachable.behaviours.rewriting import conjuncts
 

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from coachable.behaviours.behaviour import Behaviour, Edge
-from coachable.behaviours.checking import smt
-from coachable.behaviours.checking.encoding import State, Witness
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
-from coachable.behaviours.checking.regions import Crossing, Region, region, relaxed
+from coachable.behaviours.checking.solver import smt
+from coachable.behaviours.checking.solver.encoding import State, Witness
+from coachable.behaviours.checking.solver.regions import Crossing, Region, region, relaxed
 from coachable.behaviours.predicates import All, Comparison, Predicate
 from coachable.behaviours.rewriting import conjuncts, expanded, widened
 

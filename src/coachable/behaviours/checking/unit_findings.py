@@ -30,7 +30,7 @@ from coachable.behaviours.predicates import (
     expressions_of,
     subpredicates,
 )
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 
 Measure = Unit | None
 """The unit of an expression; `None` for a number without one, which takes that of the other side."""

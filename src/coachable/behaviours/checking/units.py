@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from types import MappingProxyType
 
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 
 _KNOWN: Mapping[str, tuple[float, Mapping[str, int]]] = MappingProxyType(
     {

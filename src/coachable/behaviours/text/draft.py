@@ -10,9 +10,9 @@ from coachable.behaviours.behaviour import Edge, Phase
 from coachable.behaviours.expressions import Constant
 from coachable.behaviours.predicates import Phrase, Signal, constants_of, phrases_of, signals_of
 from coachable.behaviours.rewriting import normal_form
-from coachable.behaviours.text.meaning import Meaning
+from coachable.behaviours.text.diagnostics import Mistakes
 from coachable.behaviours.text.mirror import Mirror
-from coachable.behaviours.text.mistakes import Mistakes
+from coachable.behaviours.text.semantics import Meaning
 from coachable.behaviours.text.syntax import Statement
 
 Chain = tuple[Edge, ...]

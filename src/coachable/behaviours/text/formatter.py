@@ -7,8 +7,8 @@ from itertools import groupby
 
 from lark import Token
 
+from coachable.behaviours.text.diagnostics import Mistakes
 from coachable.behaviours.text.lines import Row, rows_of
-from coachable.behaviours.text.mistakes import Mistakes
 from coachable.behaviours.text.syntax import SPEAKING_HEADERS, STRING, statement_of, tokens_of
 
 WIDTH = 100

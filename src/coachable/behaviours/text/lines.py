@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from coachable.behaviours.names import code_point
-from coachable.behaviours.text.mistakes import Mistakes, Place, Source
+from coachable.behaviours.text.diagnostics import Mistakes, Place, Source
 
 MAX_BYTES = 2**18
 MAX_LINES = 5000

@@ -11,14 +11,14 @@ from lark import Token
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.names import flaw_of_word
+from coachable.behaviours.text.diagnostics import Mistakes, Place
 from coachable.behaviours.text.draft import Draft, drop_unused
 from coachable.behaviours.text.lines import Row, rows_of
 from coachable.behaviours.text.mirror import Mirror
-from coachable.behaviours.text.mistakes import Mistakes, Place
 from coachable.behaviours.text.resolve import resolved
 from coachable.behaviours.text.sources import beside, read_text
 from coachable.behaviours.text.syntax import STRING, Statement, parts_of, statement_of, string_of
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 
 MAX_INCLUDED = 16
 """How many files a text may include, those that they include counted, too."""

@@ -10,9 +10,9 @@ from coachable.behaviours.behaviour import Behaviour, Dwell, Edge, Phase
 from coachable.behaviours.expressions import Constant
 from coachable.behaviours.names import WORD, flaw_of_letters
 from coachable.behaviours.predicates import All, Any, Predicate, Signal
+from coachable.behaviours.text.diagnostics import Mistakes
 from coachable.behaviours.text.formatter import laid_out
 from coachable.behaviours.text.lines import rows_of
-from coachable.behaviours.text.mistakes import Mistakes
 from coachable.behaviours.text.syntax import quoted
 
 

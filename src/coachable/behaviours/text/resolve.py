@@ -10,13 +10,13 @@ from coachable.behaviours.behaviour import Assignment, Dwell, Edge, Phase
 from coachable.behaviours.expressions import Constant
 from coachable.behaviours.names import flaw_of_letters, flaw_of_name, flaw_of_word
 from coachable.behaviours.predicates import Predicate, Signal
-from coachable.behaviours.suggestion import suggestion
+from coachable.behaviours.text.diagnostics import Mistakes
 from coachable.behaviours.text.draft import Draft, add_images, close_chains
-from coachable.behaviours.text.meaning import MAX_SIZE, Meaning, number_of, place_of, words_of
 from coachable.behaviours.text.mirror import Mirror
-from coachable.behaviours.text.mistakes import Mistakes
+from coachable.behaviours.text.semantics import MAX_SIZE, Meaning, number_of, place_of, words_of
 from coachable.behaviours.text.syntax import Statement, parts_of, rough_name, string_of
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
+from coachable.foundation.suggestion import suggestion
 
 MAX_TOTAL = 20 * MAX_SIZE
 """Of how many parts all phases together may be, phrases spelt out."""

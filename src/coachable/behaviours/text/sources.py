@@ -6,7 +6,7 @@ import stat
 from pathlib import Path
 
 from coachable.behaviours.text.lines import MAX_BYTES
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
 
 LIBRARY = Path(__file__).parents[1] / "library"
 """Where the behaviours and vocabularies that ship lie."""

@@ -13,10 +13,10 @@ from typing import Any
 
 from lark import Lark, Token, Tree, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
-from coachable.behaviours.suggestion import suggestion
+from coachable.behaviours.text.diagnostics import Mistakes, Place
 from coachable.behaviours.text.lines import Row
-from coachable.behaviours.text.mistakes import Mistakes, Place
-from coachable.errors import BehaviourError
+from coachable.foundation.errors import BehaviourError
+from coachable.foundation.suggestion import suggestion
 
 MAX_NESTING = 30
 """How deep parentheses may be nested."""

@@ -2,7 +2,7 @@
 
 from importlib.util import find_spec
 
-from coachable.errors import MissingExtraError
+from coachable.foundation.errors import MissingExtraError
 
 if find_spec("ival") is None:
     raise MissingExtraError("a certificate", "verify")

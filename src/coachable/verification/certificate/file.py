@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from coachable.errors import ParameterError, RunFolderError
+from coachable.foundation.errors import ParameterError, RunFolderError
+from coachable.foundation.files import hash_of, read_bytes, write_atomic
 from coachable.learning.policy import Policy
 from coachable.plants.compass import CompassParameters
 from coachable.plants.controllers import VirtualGravity
-from coachable.studies.files import hash_of, read_bytes, write_atomic
 from coachable.verification.certificate.checker import CertificateError, Verdict, check
-from coachable.verification.section import Loop
+from coachable.verification.gait.section import Loop
 
 FORMAT, FORMAT_VERSION = "coachable certificate", 1
 PARTS = ("about", "plant", "controller", "box", "strides", "method")

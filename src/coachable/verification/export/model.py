@@ -20,9 +20,9 @@ from coachable.behaviours.expressions import (
 )
 from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate
 from coachable.behaviours.rewriting import expanded
-from coachable.behaviours.suggestion import suggestion
 from coachable.envs.walking_task import Clock
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
+from coachable.foundation.suggestion import suggestion
 from coachable.learning.policy import Policy
 from coachable.plants.compass import PAPER_PARAMETERS, START, STATE_NAMES, CompassParameters, CompassWalker
 from coachable.plants.controllers import ConstantTorque, NoTorque, VirtualGravity

@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 
 from coachable.automata.hybrid import TOUCHDOWN
-from coachable.errors import ParameterError
+from coachable.foundation.errors import ParameterError
 from coachable.plants.compass import START, STATE_NAMES
 from coachable.verification.export.equations import (
     DERIVED,

@@ -1,0 +1,1 @@
+"""Predicates as terms of a solver, and exact geometry for what is affine."""

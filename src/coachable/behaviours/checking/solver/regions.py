@@ -1,0 +1,240 @@
+"""Phases as regions: their closures, and where a trajectory can leave and enter them.
+
+A trajectory is continuous between jumps, and a signal declared as a derivative is one. So whoever leaves a
+phase in which g > 0 across g = 0 was, a moment before, in that phase with dg/dt < 0; and whoever enters one
+is, a moment later, in it with dg/dt > 0. Where no such moment exists near a point of the boundary, nothing
+crosses there. These conditions are necessary, so what they exclude cannot happen.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+from coachable.behaviours.checking.solver.affine import is_affine
+from coachable.behaviours.checking.solver.corners import without_corners
+from coachable.behaviours.expressions import (
+    Arithmetic,
+    Call,
+    Constant,
+    Expression,
+    Negative,
+    Number,
+    Variable,
+)
+from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate
+from coachable.behaviours.rewriting import conjuncts, expanded
+
+_MOST_TERMS = 64
+_NON_STRICT: Mapping[str, str] = {"<": "<=", ">": ">="}
+_OUTWARDS: Mapping[bool, str] = {True: "<", False: ">"}
+
+Refuted = Callable[[Predicate], bool | None]
+
+
+@dataclass(frozen=True)
+class Term:
+    """Comparisons that hold together, their closure, and the strict ones among them."""
+
+    predicate: Predicate
+    closure: Predicate
+    strict: tuple[Comparison, ...] = ()
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """What a strict comparison asks for where it is left or entered: a sign of its `rate`."""
+
+    comparison: Comparison
+    rate: Expression
+    relation: str
+
+    def __str__(self) -> str:
+        return f"{self.rate} {self.relation} 0"
+
+
+@dataclass(frozen=True)
+class Region:
+    """A phase as a union of terms, the empty ones left out.
+
+    `exact` says that the closure is the closure; otherwise it may be too large, so that only what it
+    excludes is certain.
+    """
+
+    terms: tuple[Term, ...]
+    exact: bool
+    crossings: Callable[[Comparison, bool], Crossing | None]
+    refuted: Refuted
+
+    @property
+    def closure(self) -> Predicate:
+        """The region with its boundary."""
+        return Any(*(term.closure for term in self.terms))
+
+    def passage(self, leaving: bool, only: Comparison | None = None) -> Predicate:
+        """The part of the closure where a trajectory can leave, or enter; `only` looks at one comparison."""
+        return Any(*(self._passage(term, leaving, only) for term in self.terms))
+
+    def demands(self, leaving: bool) -> tuple[Crossing, ...]:
+        """What leaving, or entering, may ask of the derivatives."""
+        found = (self.crossings(comparison, leaving) for term in self.terms for comparison in term.strict)
+        return tuple(dict.fromkeys(crossing for crossing in found if crossing is not None))
+
+    def _passage(self, term: Term, leaving: bool, only: Comparison | None) -> Predicate:
+        parts: list[Predicate] = [term.closure]
+        for comparison in term.strict:
+            crossing = self.crossings(comparison, leaving)
+            if crossing is None or (only is not None and comparison != only):
+                continue
+            moving = Comparison(crossing.rate, crossing.relation, 0)
+            if self.refuted(All(term.predicate, moving)):
+                parts.append(comparison)
+            else:
+                parts.append(Any(comparison, relaxed(moving)))
+        return All(*parts)
+
+
+def region(predicate: Predicate, rates: Mapping[str, str], refuted: Refuted) -> Region:
+    """The region of a predicate.
+
+    **Arguments:** `rates`: signal → the signal that is its derivative; `refuted` proves that a predicate
+    holds nowhere.
+    """
+
+    def crossings(comparison: Comparison, leaving: bool) -> Crossing | None:
+        rate = rate_of(Arithmetic(comparison.left, "-", comparison.right), rates)
+        if rate is None:
+            return None
+        return Crossing(comparison, rate, _OUTWARDS[leaving == (comparison.relation == ">")])
+
+    spelt_out = without_corners(expanded(predicate))
+    if _count(spelt_out, True) > _MOST_TERMS:
+        return Region((Term(predicate, relaxed(predicate)),), False, crossings, refuted)
+    terms = []
+    for comparisons in map(tuple, map(dict.fromkeys, _alternatives(spelt_out, True))):
+        whole = All(*comparisons)
+        if not refuted(whole):
+            strict = tuple(comparison for comparison in comparisons if comparison.relation in _NON_STRICT)
+            terms.append(Term(whole, relaxed(whole), strict))
+    exact = all(is_affine(side) for term in terms for side in _sides(term.predicate))
+    return Region(tuple(dict.fromkeys(terms)), exact, crossings, refuted)
+
+
+def relaxed(predicate: Predicate) -> Predicate:
+    """The predicate with < and > read as <= and >=: it holds at least on the closure."""
+    match predicate:
+        case Comparison(left, relation, right):
+            return Comparison(left, _NON_STRICT.get(relation, relation), right)
+        case All(parts=parts):
+            return All(*map(relaxed, parts))
+        case Any(parts=parts):
+            return Any(*map(relaxed, parts))
+        case Not(Comparison() as comparison):
+            return All(*map(relaxed, _comparisons(Not(comparison))))
+        case Not(All(parts=parts)):
+            return Any(*(relaxed(Not(part)) for part in parts))
+        case Not(Any(parts=parts)):
+            return All(*(relaxed(Not(part)) for part in parts))
+        case Not(Not(part)):
+            return relaxed(part)
+        case other:
+            return relaxed(expanded(other))
+
+
+def _count(predicate: Predicate, positive: bool) -> int:
+    """How many conjunctions the disjunctive normal form has."""
+    match predicate:
+        case Not(part):
+            return _count(part, not positive)
+        case All(parts=parts) | Any(parts=parts):
+            counts = [_count(part, positive) for part in parts]
+            return sum(counts) if isinstance(predicate, Any) == positive else math.prod(counts)
+        case _:
+            return 1
+
+
+def _alternatives(predicate: Predicate, positive: bool) -> list[tuple[Comparison, ...]]:
+    """The disjunctive normal form: conjunctions, one of which holds where the predicate does."""
+    if _count(predicate, positive) == 0:
+        return []
+    match predicate:
+        case Comparison():
+            return [tuple(_comparisons(predicate if positive else Not(predicate)))]
+        case Not(part):
+            return _alternatives(part, not positive)
+        case All(parts=parts) | Any(parts=parts):
+            inner = [_alternatives(part, positive) for part in parts]
+            if isinstance(predicate, Any) == positive:
+                return [alternative for alternatives in inner for alternative in alternatives]
+            return [tuple(itertools.chain(*chosen)) for chosen in itertools.product(*inner)]
+        case other:
+            raise TypeError(f"{other!r} is not expanded")
+
+
+def _comparisons(predicate: Predicate) -> Iterator[Comparison]:
+    return (part for part in conjuncts(predicate) if isinstance(part, Comparison))
+
+
+def _sides(predicate: Predicate) -> Iterator[Expression]:
+    for comparison in _comparisons(predicate):
+        yield comparison.left
+        yield comparison.right
+
+
+def rate_of(expression: Expression, rates: Mapping[str, str]) -> Expression | None:
+    """The derivative in time, in declared derivatives; `None` where one is missing or there is a corner.
+
+    **Arguments:** `rates`: signal → the signal that is its derivative.
+    """
+    match expression:
+        case Number() | Constant():
+            return Number(0)
+        case Variable(signal):
+            return Variable(rates[signal]) if signal in rates else None
+        case Negative(operand):
+            rate = rate_of(operand, rates)
+            return None if rate is None else _minus(Number(0), rate)
+        case Arithmetic(left, symbol, right):
+            one, other = rate_of(left, rates), rate_of(right, rates)
+            if one is None or other is None:
+                return None
+            match symbol:
+                case "+":
+                    return _plus(one, other)
+                case "-":
+                    return _minus(one, other)
+                case "*":
+                    return _plus(_times(one, right), _times(left, other))
+                case _:
+                    over = _minus(_times(one, right), _times(left, other))
+                    return over if over == Number(0) else Arithmetic(over, "/", _times(right, right))
+        case Call("sin", (angle,)):
+            rate = rate_of(angle, rates)
+            return None if rate is None else _times(Call("cos", angle), rate)
+        case Call("cos", (angle,)):
+            rate = rate_of(angle, rates)
+            return None if rate is None else _minus(Number(0), _times(Call("sin", angle), rate))
+        case _:
+            return None
+
+
+def _plus(one: Expression, other: Expression) -> Expression:
+    if one == Number(0):
+        return other
+    return one if other == Number(0) else Arithmetic(one, "+", other)
+
+
+def _minus(one: Expression, other: Expression) -> Expression:
+    if other == Number(0):
+        return one
+    return Negative(other) if one == Number(0) else Arithmetic(one, "-", other)
+
+
+def _times(one: Expression, other: Expression) -> Expression:
+    if Number(0) in (one, other):
+        return Number(0)
+    if Number(1) in (one, other):
+        return other if one == Number(1) else one
+    return Arithmetic(one, "*", other)

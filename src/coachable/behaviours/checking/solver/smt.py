@@ -1,0 +1,268 @@
+"""Predicates as questions to the solver Z3: can this hold somewhere, and where?
+
+"Nowhere" is a proof. "Somewhere" is not, for the solver counts in exact numbers and knows little of sines: a
+witness counts only once `holds` has agreed to it, in floats.
+"""
+
+from __future__ import annotations
+
+import math
+import typing
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+
+import z3
+
+from coachable.behaviours.behaviour import Assignment
+from coachable.behaviours.checking.solver import sines
+from coachable.behaviours.checking.solver.affine import nearest_float
+from coachable.behaviours.checking.solver.encoding import Encoding, Formula, Real, State, Witness
+from coachable.behaviours.expressions import Expression
+from coachable.behaviours.predicates import Comparison, Not, Predicate, holds
+
+Model = typing.Any
+
+_EFFORT = 100_000
+"""How much the solver may do for one answer, in its own count, so that it ends alike on every machine."""
+_LONGEST = 2_000
+"""Milliseconds after which it is stopped anyway."""
+_PATIENCE = 4
+"""How often it may give up before the question is given up."""
+_ROUNDS = 10
+"""How often a state that turned out not to be one is ruled out before the question is given up."""
+_FRIENDLY = tuple(map(Fraction, ("0.1", "-0.1", "1", "-1", "0", "0.5", "-0.5", "2", "-2")))
+
+
+class Question:
+    """Requirements on one or several states of a behaviour; ask whether they can be met."""
+
+    def __init__(self, signals: Sequence[str]):
+        self._signals = tuple(signals)
+        self._encoding = Encoding(signals)
+        self._required: list[Formula] = []
+        self._claims: list[tuple[Predicate, State]] = []
+        self._given_up = 0
+
+    def state(self) -> State:
+        """A state of which nothing is known yet; the first one is the one that a witness tells."""
+        return self._encoding.state()
+
+    def after(self, state: State, reset: Sequence[Assignment]) -> State:
+        """The state right after the signals have jumped."""
+        return self._encoding.after(state, reset)
+
+    def value(self, expression: Expression, state: State) -> Real:
+        """What an expression is worth in a state, for `require_that`; what it divides by must not be zero."""
+        return self._encoding.value(expression, state, [])
+
+    def unknown_number(self) -> Real:
+        """A number of which nothing is known yet, such as a time."""
+        return self._encoding.unknown_number()
+
+    def require(self, predicate: Predicate, state: State) -> None:
+        """The predicate holds in the state."""
+        self._claims.append((predicate, state))
+        self._required.append(self._encoding.truth(predicate, state))
+
+    def suppose(self, predicate: Predicate, state: State) -> None:
+        """As `require`, for what floats need not agree to: a boundary that no float may lie on."""
+        self._required.append(self._encoding.truth(predicate, state))
+
+    def require_that(self, fact: Formula) -> None:
+        """Something about the states' symbols that no predicate says."""
+        self._required.append(fact)
+
+    def differ(self, one: State, other: State) -> None:
+        """The two states are not the same."""
+        self._required.append(z3.Or([one.symbols[name] != other.symbols[name] for name in self._signals]))
+
+    def refuted(self) -> bool | None:
+        """True if it is proven that the requirements cannot be met, `None` if the solver gave up."""
+        for _ in range(_ROUNDS):
+            answer = self._answer()
+            if answer in (z3.unsat, z3.unknown):
+                return True if answer == z3.unsat else None
+            if self._rounded(answer, self._in_sines()) is not None or not self._taught_sines(answer):
+                return False
+        return False
+
+    def witness(self) -> Witness | typing.Literal[False] | None:
+        """A state that meets the requirements, False if none can, `None` if that is not known.
+
+        Short numbers are preferred. Every requirement made by `require` has been evaluated at it in floats.
+        """
+        all_are_left = True
+        for _ in range(_ROUNDS):
+            answer = self._answer()
+            if answer in (z3.unsat, z3.unknown):
+                return False if answer == z3.unsat and all_are_left else None
+            found = self._rounded(answer, self._encoding.free)
+            if found is not None:
+                free = {name: nearest_float(value) for name, value in found.items()}
+                if all(holds(predicate, state.floats(free)) for predicate, state in self._claims):
+                    return {signal: free[f"{signal}@0"] for signal in self._signals}
+                all_are_left = False
+                self._required.append(
+                    z3.Or([self._encoding.free[name] != z3.RealVal(value) for name, value in found.items()])
+                )
+            if not self._taught_sines(answer) and found is None:
+                return None
+        return None
+
+    def _answer(self, *further: Formula) -> Model:
+        """A model, away from division by zero if there is one, or else `z3.unsat` or `z3.unknown`."""
+        facts = [*self._encoding.facts, *self._required, *further]
+        if self._encoding.divisors and isinstance(
+            model := self._solved([*facts, *(divisor != 0 for divisor in self._encoding.divisors)]),
+            z3.ModelRef,
+        ):
+            return model
+        return self._solved(facts)
+
+    def _solved(self, facts: Sequence[Formula]) -> Model:
+        # The first solver is quick, and best with sums; the second knows more of products.
+        for new_solver in (z3.SimpleSolver, z3.Solver):
+            if self._given_up >= 2 * _PATIENCE:
+                break
+            solver = new_solver()
+            solver.set("rlimit", _EFFORT)
+            solver.set("timeout", _LONGEST)
+            solver.add(*facts)
+            answer = solver.check()
+            if answer != z3.unknown:
+                return solver.model() if answer == z3.sat else answer
+            self._given_up += 1
+        return z3.unknown
+
+    def _in_sines(self) -> dict[str, Real]:
+        """The free signals on which the angles depend."""
+        nothing = z3.RealVal(0)
+        angles = [angle for angle, _, _ in self._encoding.sines.values()]
+        return {
+            name: symbol
+            for name, symbol in self._encoding.free.items()
+            if not all(z3.substitute(angle, (symbol, nothing)).eq(angle) for angle in angles)
+        }
+
+    def _rounded(self, model: Model, symbols: Mapping[str, Real]) -> dict[str, Fraction] | None:
+        """Short numbers for free signals, one after the other, as long as the rest can still be met."""
+        chosen: dict[str, Fraction] = {}
+        for name, symbol in symbols.items():
+            for value in dict.fromkeys(self._candidates(symbol, model)):
+                better = self._answer(*self._pinned({**chosen, name: value}))
+                if better not in (z3.unsat, z3.unknown):
+                    model, chosen = better, {**chosen, name: value}
+                    break
+            else:
+                return None
+        return chosen
+
+    def _candidates(self, symbol: Real, model: Model) -> Iterator[Fraction]:
+        """Short numbers, what the model says, and what would make its sines and cosines come true."""
+        yield from _FRIENDLY
+        wanted = [_fraction(model, symbol)]
+        for angle, *pair in self._encoding.sines.values():
+            at = [_fraction(model, z3.substitute(angle, (symbol, z3.RealVal(x)))) for x in (0, 1)]
+            if at[0] != at[1]:
+                sine, cosine = (nearest_float(_fraction(model, term)) for term in pair)
+                true, turn = Fraction(math.atan2(sine, cosine)), Fraction(math.tau)
+                turns = round((_fraction(model, angle) - true) / turn)
+                wanted += [(true + k * turn - at[0]) / (at[1] - at[0]) for k in {turns, 0}]
+        for digits in (1, 2, 3, 6):
+            yield from (Fraction(f"{nearest_float(value):.{digits}g}") for value in wanted)
+        yield from (2 * wanted[0], *wanted)
+
+    def _pinned(self, chosen: Mapping[str, Fraction]) -> Iterator[Formula]:
+        values = [(self._encoding.free[name], z3.RealVal(value)) for name, value in chosen.items()]
+        yield from (symbol == value for symbol, value in values)
+        for angle, *pair in self._encoding.sines.values():
+            known: typing.Any = z3.simplify(z3.substitute(angle, *values))
+            if z3.is_rational_value(known):
+                yield from sines.near(known, known.as_fraction(), *pair)
+
+    def _taught_sines(self, model: Model) -> bool:
+        """Teach the solver the sine at every angle of which the model had it wrong; False if none was."""
+        taught = False
+        for angle, *pair in self._encoding.sines.values():
+            known = nearest_float(_fraction(model, angle))
+            given = [nearest_float(_fraction(model, term)) for term in pair]
+            if math.dist(given, (math.sin(known), math.cos(known))) > 1e-9:
+                self._required += sines.near(angle, Fraction(known), *pair)
+                taught = True
+        return taught
+
+
+def _fraction(model: Model, term: Real) -> Fraction:
+    value: typing.Any = model.eval(term, model_completion=True)
+    if z3.is_algebraic_value(value):
+        value = value.approx(20)
+    return Fraction(value.as_fraction()) if z3.is_rational_value(value) else Fraction(0)
+
+
+def _question(signals: Sequence[str], predicates: Sequence[Predicate]) -> Question:
+    question = Question(signals)
+    state = question.state()
+    for predicate in predicates:
+        question.require(predicate, state)
+    return question
+
+
+def refuted(signals: Sequence[str], *predicates: Predicate) -> bool | None:
+    """True if it is proven that the predicates hold together nowhere, `None` if the solver gave up."""
+    return _question(signals, predicates).refuted()
+
+
+def witness(signals: Sequence[str], *predicates: Predicate) -> Witness | typing.Literal[False] | None:
+    """A state in which all the predicates hold, False if there is none, `None` if that is not known."""
+    return _question(signals, predicates).witness()
+
+
+def conflict(signals: Sequence[str], predicates: Sequence[Predicate]) -> tuple[Predicate, ...]:
+    """Of predicates that exclude one another, some that do so, too, none of which can be left out."""
+    kept = list(predicates)
+    for predicate in predicates:
+        fewer = [other for other in kept if other is not predicate]
+        if refuted(signals, *fewer):
+            kept = fewer
+    return tuple(kept)
+
+
+def essence(signals: Sequence[str], predicates: Sequence[Predicate]) -> tuple[Predicate, ...]:
+    """The predicates without those that follow from the rest."""
+    kept = list(predicates)
+    for predicate in reversed(predicates):
+        fewer = [other for other in kept if other is not predicate]
+        if refuted(signals, *fewer, Not(predicate)):
+            kept = fewer
+    return tuple(kept)
+
+
+def cells(signals: Sequence[str], cuts: Sequence[Comparison], most: int) -> list[tuple[bool, ...]] | None:
+    """For which sides of the cuts there is a state; `None` for more than `most`, or if the solver gives up.
+
+    The cuts are comparisons of sums of multiples of signals.
+    """
+    encoding = Encoding(signals)
+    state = encoding.state()
+    facts = [encoding.truth(cut, state) for cut in cuts]
+    solver = z3.SimpleSolver()
+    solver.set("rlimit", _EFFORT)
+    found: list[tuple[bool, ...]] = []
+
+    def search(sides: tuple[bool, ...]) -> bool:
+        answer = solver.check()
+        if answer != z3.sat:
+            return answer == z3.unsat
+        if len(sides) == len(facts):
+            found.append(sides)
+            return len(found) <= most
+        for side in (True, False):
+            solver.push()
+            solver.add(facts[len(sides)] if side else z3.Not(facts[len(sides)]))
+            complete = search((*sides, side))
+            solver.pop()
+            if not complete:
+                return False
+        return True
+
+    return found if search(()) else None

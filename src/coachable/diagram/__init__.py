@@ -1,0 +1,1 @@
+"""Automata as pictures, and as DOT and Mermaid text."""

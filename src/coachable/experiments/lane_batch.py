@@ -1,0 +1,225 @@
+"""A group of lanes between two turns: their training states, what they have logged, and their checkpoint."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from coachable.envs.rollout import Trajectory
+from coachable.envs.walking_task import ACTION_BOX
+from coachable.experiments.compiled import Programs, Tasks, stacked
+from coachable.experiments.layout import evaluation_steps, lane_key
+from coachable.experiments.log import Columns, Log
+from coachable.experiments.plan import Lane, Study
+from coachable.experiments.results import LOGS
+from coachable.experiments.run_folder.checkpoint import arrays_of, load_arrays, save_arrays, tree_from
+from coachable.experiments.run_folder.reader import Which
+from coachable.foundation.errors import RunFolderError
+from coachable.learning.networks import ActorCritic
+from coachable.learning.policy import Policy
+from coachable.learning.ppo import Episodes
+from coachable.plants.compass import STATE_NAMES
+from coachable.rewards.setup import TERM_NAMES
+
+SECONDS_BETWEEN_CHECKPOINTS = 30.0
+
+
+class Group:
+    """Lanes that are trained side by side by one program, a `Job` for `take_turns`.
+
+    A turn is one PPO update with the evaluations due after it, or, when training is over, the survival test
+    of one lane. Between turns the group is consistent, and is saved from time to time.
+    """
+
+    def __init__(self, study: Study, lanes: Sequence[Lane], tasks: Tasks, programs: Programs, path: Path):
+        self.lanes = tuple(lanes)
+        self.latest: Columns = {}
+        """The latest evaluation of every lane, by column."""
+        self._study, self._programs, self._path = study, programs, path
+        self._training = tasks.stacked(tasks.training, lanes)
+        self._evaluation = tasks.stacked(tasks.evaluation, lanes)
+        self._due = evaluation_steps(study)
+        self._logs = {name: Log() for name in LOGS}
+        self._saved_at = time.monotonic()
+        self._consistent = True
+        self.num_updates = 0
+        self._states = stacked(
+            [programs.init(lane_key(lane), tasks.weighted(tasks.training, lane)) for lane in lanes]
+        )
+        self._best = jax.tree.map(np.asarray, self._states.networks)
+        self._best_return = np.full(len(lanes), -np.inf, np.float32)
+        if path.exists():
+            self._restore()
+        else:
+            self._evaluate_if_due()
+
+    @property
+    def num_steps(self) -> int:
+        """Training steps of each lane so far."""
+        return self.num_updates * self._study.steps_an_update
+
+    @property
+    def num_measured(self) -> int:
+        """Lanes whose final walker has been put to the survival test."""
+        return self._logs["survival"].num_rows
+
+    @property
+    def turns(self) -> int:
+        """Updates and survival tests so far."""
+        return self.num_updates + self.num_measured
+
+    @property
+    def done(self) -> bool:
+        """Whether every lane is trained and tested."""
+        return self.turns == self._study.num_updates + len(self.lanes)
+
+    def take_turn(self) -> None:
+        """One update, or one survival test; a checkpoint if the last one is old."""
+        self._consistent = False
+        if self.num_updates < self._study.num_updates:
+            self._update()
+        else:
+            self._test_one_lane()
+        self._consistent = True
+        if self.done or time.monotonic() - self._saved_at > SECONDS_BETWEEN_CHECKPOINTS:
+            self.save()
+
+    def table(self, name: str) -> Columns:
+        """What was logged for `episodes`, `evaluations` or `survival`, lane by lane in order of training."""
+        columns = self._logs[name].columns()
+        if not columns:
+            return {}
+        order = np.argsort(columns["lane"], kind="stable")
+        columns = {column: values[order] for column, values in columns.items()}
+        return columns | {"lane": np.array([lane.name for lane in self.lanes])[columns["lane"]]}
+
+    def networks(self) -> Mapping[Which, ActorCritic]:
+        """The networks, stacked over lanes: after the `last` update, and at the `best` evaluation return."""
+        return {"last": self._states.networks, "best": self._best}
+
+    def policies(self) -> Mapping[tuple[Lane, Which], Policy]:
+        """The last policy of every lane, and the best by evaluation return."""
+        return {
+            (lane, which): _policy(
+                jax.tree.map(lambda leaf, i=index: jnp.asarray(leaf[i]), networks), self._study
+            )
+            for which, networks in self.networks().items()
+            for index, lane in enumerate(self.lanes)
+        }
+
+    def trajectories(self) -> Mapping[tuple[Lane, Which], Trajectory]:
+        """The evaluation episode of every lane with its last and with its best networks."""
+        found = {}
+        for which, networks in self.networks().items():
+            _, episodes = self._programs.evaluate(self._evaluation, networks)
+            for index, lane in enumerate(self.lanes):
+                task, episode = jax.tree.map(
+                    lambda leaf, index=index: leaf[index], (self._evaluation, episodes)
+                )
+                found[lane, which] = Trajectory.of(task, episode)
+        return found
+
+    def save(self) -> None:
+        """Write the checkpoint, unless a turn broke off half-way: then the last one stands."""
+        if not self._consistent:
+            return
+        arrays = (
+            arrays_of(self._states, "states")
+            | arrays_of(self._best, "best")
+            | {"best_return": self._best_return}
+        )
+        for name, log in self._logs.items():
+            arrays |= log.arrays(f"{name}.")
+        about = {"lanes": [lane.name for lane in self.lanes], "num_updates": self.num_updates}
+        save_arrays(self._path, arrays, about)
+        self._saved_at = time.monotonic()
+
+    def _restore(self) -> None:
+        arrays, about = load_arrays(self._path)
+        if about["lanes"] != [lane.name for lane in self.lanes]:
+            raise RunFolderError(
+                f"{self._path} holds the lanes {about['lanes']}, not {self.lanes}; remove it"
+            )
+        try:
+            self._states = jax.tree.map(jnp.asarray, tree_from(self._states, arrays, "states"))
+            self._best = tree_from(self._best, arrays, "best")
+            self._best_return = arrays["best_return"]
+        except KeyError as error:
+            raise RunFolderError(
+                f"{self._path} is of another version of coachable: {error}; remove it"
+            ) from None
+        self.num_updates = about["num_updates"]
+        self._logs = {name: Log.of(arrays, f"{name}.") for name in LOGS}
+        self.latest = self._logs["evaluations"].last(len(self.lanes))
+
+    def _update(self) -> None:
+        self._states, episodes = self._programs.update(self._training, self._states)
+        self._log_episodes(jax.tree.map(np.asarray, episodes))
+        self.num_updates += 1
+        self._evaluate_if_due()
+
+    def _log_episodes(self, episodes: Episodes) -> None:
+        lane, step = np.nonzero(episodes.ended)
+        if len(lane):
+            end_step = self.num_updates * self._study.ppo.n_steps + step + 1
+            columns = {"lane": lane.astype(np.int32), "end_step": end_step}
+            columns |= {"return": episodes.episode_return, "length": episodes.length, "fell": episodes.fell}
+            self._logs["episodes"].add(
+                {name: column if column.ndim == 1 else column[lane, step] for name, column in columns.items()}
+            )
+
+    def _evaluate_if_due(self) -> None:
+        steps = self._due.get(self.num_updates, ())
+        if not steps:
+            return
+        networks = self._states.networks
+        found, _ = jax.device_get(self._programs.evaluate(self._evaluation, networks))
+        columns = {
+            "lane": np.arange(len(self.lanes), dtype=np.int32),
+            "return": found.episode_return,
+            "hip_x": found.hip_x,
+            "foot_x": found.foot_x,
+            "length": found.length,
+            "fell": found.fell,
+            "share_in_cycle": found.share_in_cycle,
+            **dict(zip(TERM_NAMES, found.terms.T, strict=True)),
+        }
+        for step in steps:
+            self._logs["evaluations"].add(columns | {"step": np.full(len(self.lanes), step)})
+        self.latest = columns
+        better = found.episode_return > self._best_return
+        self._best_return = np.where(better, found.episode_return, self._best_return)
+        self._best = jax.tree.map(
+            lambda new, old: np.where(better.reshape(-1, *[1] * (old.ndim - 1)), new, old),
+            networks,
+            self._best,
+        )
+
+    def _test_one_lane(self) -> None:
+        index = self.num_measured
+        networks = jax.tree.map(lambda leaf: leaf[index], self._states.networks)
+        seconds_up, perturbed_up = self._programs.survive(networks)
+        self._logs["survival"].add(
+            {
+                "lane": np.array([index], np.int32),
+                "seconds_up": np.asarray(seconds_up)[None],
+                "perturbed_up": np.asarray(perturbed_up)[None],
+            }
+        )
+
+
+def _policy(networks: ActorCritic, study: Study) -> Policy:
+    return Policy(
+        weights=tuple(weight for weight, _ in networks.policy_layers),
+        biases=tuple(bias for _, bias in networks.policy_layers),
+        low=jnp.asarray(ACTION_BOX[0], jnp.float32),
+        high=jnp.asarray(ACTION_BOX[1], jnp.float32),
+        observation_names=STATE_NAMES,
+        squashing=study.ppo.squashing,
+        clock=study.clock,
+    )

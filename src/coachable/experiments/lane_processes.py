@@ -1,0 +1,156 @@
+"""Lanes in processes of their own, as many at once as there are cores: for trainers written in Python."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import NamedTuple, Protocol, runtime_checkable
+
+from coachable.experiments.log import Columns
+from coachable.foundation.errors import CoachableError, RunFolderError
+
+
+class News(NamedTuple):
+    """How far a lane is."""
+
+    steps: int
+    """Training steps so far."""
+    latest: Columns
+    """Its latest evaluation, by column."""
+    done: bool
+    """Whether it is trained, tested and saved."""
+
+
+Tell = Callable[[News], None]
+"""Raises `KeyboardInterrupt` when the lane is to stop; whoever called it then saves and lets that pass."""
+
+SECONDS_BETWEEN_NEWS = 0.5
+
+
+@runtime_checkable
+class LaneWork(Protocol):
+    """What a process is given: a value that can be sent to it."""
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+        ...
+
+    def finished(self) -> News | None:
+        """What there was to tell last, if there is nothing left to do."""
+        ...
+
+    def run(self, tell: Tell) -> None:
+        """Train from the lane's checkpoint, or from the start, until all is saved."""
+        ...
+
+
+def run_lanes(
+    works: Sequence[LaneWork],
+    num_workers: int,
+    hear: Callable[[int, News], None],
+    watch: Callable[[], None],
+    every: float = 0.25,
+) -> None:
+    """Run every work in a process of its own, `num_workers` at once; meanwhile `hear` what they tell.
+
+    `hear` is called with the index of a work and its news, `watch` at least every `every` seconds. An
+    exception in a work, in `hear` or in `watch` (Ctrl-C arrives there) stops all processes, which save what
+    they have, and is raised.
+
+    **Raises:** what a work raised that is a user's mistake, or an `OSError`; `RunFolderError` for a process
+    that was killed; `RuntimeError` with the other process's traceback for anything else.
+    """
+    waiting = deque(enumerate(works))
+    running: dict[Connection, tuple[int, BaseProcess]] = {}
+    context = multiprocessing.get_context("spawn")
+    try:
+        while waiting or running:
+            while waiting and len(running) < num_workers:
+                index, work = waiting.popleft()
+                if (last := work.finished()) is not None:
+                    hear(index, last)
+                    continue
+                ours, theirs = context.Pipe(duplex=False)
+                process = context.Process(target=_work, args=(work, theirs, os.getpid()), daemon=True)
+                with _ctrl_c_blocked():  # it comes when the process can be stopped
+                    process.start()
+                    running[ours] = (index, process)
+                theirs.close()
+            watch()
+            for channel in wait([*running], every):
+                assert isinstance(channel, Connection)
+                index, process = running[channel]
+                try:
+                    news = channel.recv()
+                except EOFError:
+                    process.join()
+                    del running[channel]
+                    _require_success(works[index], process.exitcode)
+                else:
+                    if isinstance(news, BaseException):
+                        raise news
+                    hear(index, news)
+    finally:
+        for _, process in running.values():
+            process.terminate()
+        for _, process in running.values():
+            process.join()
+
+
+@contextmanager
+def _ctrl_c_blocked() -> Iterator[None]:
+    """Processes that are started in here do not hear Ctrl-C, not even before `_work` begins."""
+    resource_tracker.ensure_running()  # it would unblock the signal when a process is what starts it
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _require_success(work: LaneWork, exitcode: int | None) -> None:
+    if exitcode:
+        raise RunFolderError(
+            f"the process that trained {work.name} was ended from outside (exit code {exitcode}), perhaps "
+            "for lack of memory; the same command goes on from its last checkpoint"
+        )
+
+
+def _work(work: LaneWork, channel: Connection, parent: int) -> None:
+    """What a process does. It stops, when it next tells its news, if its parent says so or is no more."""
+    told_to_stop = threading.Event()
+    # Ctrl-C in a terminal reaches every process of it; the parent alone decides.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: told_to_stop.set())
+    # Lanes keep the cores busy, so each compiled program needs but one thread.
+    os.environ["NPROC"] = "1"
+    told_at = 0.0
+
+    def tell(news: News) -> None:
+        nonlocal told_at
+        if told_to_stop.is_set() or os.getppid() != parent:
+            raise KeyboardInterrupt
+        if news.done or time.monotonic() > told_at + SECONDS_BETWEEN_NEWS:
+            told_at = time.monotonic()
+            channel.send(news)
+
+    try:
+        work.run(tell)
+    except KeyboardInterrupt:
+        sys.exit(1)  # a parent that told it to stop no longer looks; to any other it has not finished
+    except (CoachableError, OSError) as error:
+        channel.send(error)
+    except Exception:
+        channel.send(RuntimeError(f"{work.name} failed in its process:\n{traceback.format_exc()}"))

@@ -1,0 +1,188 @@
+"""Walks of a trained robot in its environment: to look at, to record, to measure."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+from PIL import Image
+
+from coachable.behaviours.behaviour import Phase
+from coachable.behaviours.predicates import Signal
+from coachable.envs.signals import SIGNAL_PACKS, signal_pack
+from coachable.envs.signals.limbs import Limbs
+from coachable.envs.signals.reading import reader_of_one, time_step
+from coachable.experiments.run_folder.reader import TrainingRun, Which
+from coachable.experiments.training import EVALUATION_SEED
+from coachable.experiments.training_lane import OWN, actor, make_env, signal_functions
+from coachable.foundation.errors import ParameterError, PlanError
+from coachable.learning.policy import Policy
+
+UNKNOWN_DT = 0.04
+"""Between two pictures of an environment that does not say how long a step lasts [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedWalk:
+    """An episode as its environment draws it, the phase with every picture."""
+
+    title: str
+    time: Float[np.ndarray, " samples"]
+    """[s]"""
+    pictures: UInt8[np.ndarray, "samples height width 3"]
+    phase: Int[np.ndarray, " samples"]
+    """Location in the behaviour: 0 … K−1, or K outside all K phases."""
+
+    def picture(self, sample: int) -> Image.Image:
+        """What it looks like at a sample."""
+        return Image.fromarray(self.pictures[sample])
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedWalk:
+    """An episode as the robot's signals tell it."""
+
+    title: str
+    time: Float[np.ndarray, " samples"]
+    """[s]"""
+    signals: tuple[Signal, ...]
+    """All that the environment's signal pack has, or those of the behaviour."""
+    values: Mapping[str, Float[np.ndarray, " samples"]]
+    """Of every signal."""
+    phase: Int[np.ndarray, " samples"]
+    """Location in the behaviour: 0 … K−1, or K outside all K phases."""
+    follows: Bool[np.ndarray, " samples"]
+    """Whether the step to each sample belongs to the behaviour; the first sample has none before it."""
+    phases: tuple[Phase, ...]
+    """The behaviour's."""
+    environment_return: float
+    """What the environment itself paid."""
+    behaviour_return: float
+    """What the described reward came to, with its weight."""
+    fell: bool
+    """Whether the episode terminated."""
+    limbs: tuple[str, ...] = ()
+    """Names of the parts that can be drawn: the capsules of a MuJoCo robot."""
+    ends: Float[np.ndarray, "samples limbs 2 3"] | None = None
+    """Where both ends of each are [m]."""
+    radii: Float[np.ndarray, " limbs"] | None = None
+    """[m]"""
+
+
+def rendered_walk(run: TrainingRun, setup: str, seed: int, which: Which, seconds: float) -> RenderedWalk:
+    """The first episode of a lane's evaluations, as far as it goes.
+
+    **Raises:** `RunFolderError` if the run has no such lane, `PlanError` if its environment draws nothing.
+    """
+    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+        os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo would look for a window
+    policy = run.policy(setup, seed, which)
+    with closing(make_env(run.plan, run.plan.setup(setup), run.behaviour, render_mode="rgb_array")) as env:
+        dt = time_step(env) or UNKNOWN_DT
+        steps = _steps(env, policy, 0, seconds / dt)
+        pictures, phases = zip(*((_picture(env), step.phase) for step in steps), strict=True)
+    return RenderedWalk(
+        f"{setup}, seed {seed}", np.arange(len(phases)) * dt, np.stack(pictures), np.array(phases)
+    )
+
+
+def recorded_walk(
+    run: TrainingRun,
+    setup: str,
+    seed: int,
+    which: Which = "last",
+    episode: int = 0,
+    seconds: float = np.inf,
+) -> RecordedWalk:
+    """An episode of a lane's evaluations, as far as it goes, from its start on.
+
+    **Raises:** `RunFolderError` if the run has no such lane, `ParameterError` if its environment does not say
+    how long a step lasts.
+    """
+    plan, policy = run.plan, run.policy(setup, seed, which)
+    appended = len(run.behaviour.phases) + 1 if plan.setup(setup).append_phase else 0
+    with closing(make_env(plan, plan.setup(setup), run.behaviour)) as env:
+        dt = time_step(env)
+        if dt is None:
+            raise ParameterError(
+                f"{plan.env} does not say how long a step lasts: it has no dt and no render_fps"
+            )
+        has_pack = not plan.signals and plan.env in SIGNAL_PACKS
+        signals = signal_pack(plan.env).signals if has_pack else run.behaviour.signals
+        read = reader_of_one(env, tuple(signal.name for signal in signals), signal_functions(plan))
+        limbs = Limbs.of(env)
+        rows, ends, steps = [], [], []
+        for step in _steps(env, policy, episode, seconds / dt):
+            steps.append(step)
+            # Signals are columns of what the environment itself shows; some count from its end.
+            own = step.observation[: len(step.observation) - appended] if appended else step.observation
+            rows.append(read(own, step.info))
+            if limbs is not None:
+                ends.append(limbs.ends())
+    return RecordedWalk(
+        f"{setup}, seed {seed}",
+        np.arange(len(steps)) * dt,
+        signals,
+        {
+            signal.name: np.array([*map(float, column)])
+            for signal, column in zip(signals, zip(*rows, strict=True), strict=True)
+        },
+        np.array([step.phase for step in steps]),
+        np.array([step.follows for step in steps]),
+        run.behaviour.phases,
+        environment_return=sum(step.environment for step in steps),
+        behaviour_return=sum(step.behaviour for step in steps),
+        fell=steps[-1].terminated,
+        **({} if limbs is None else {"limbs": limbs.names, "ends": np.stack(ends), "radii": limbs.radii}),
+    )
+
+
+def has_limbs(run: TrainingRun) -> bool:
+    """Whether recorded walks of a training's robot tell where its limbs are."""
+    env = make_env(run.plan, run.plan.setups[0], run.behaviour)
+    try:
+        return Limbs.of(env) is not None
+    finally:
+        env.close()
+
+
+class _Step(NamedTuple):
+    observation: Any
+    info: Mapping[str, Any]
+    phase: int
+    follows: bool
+    environment: float
+    behaviour: float
+    terminated: bool
+
+
+def _steps(env: gymnasium.Env, policy: Policy, episode: int, most_steps: float) -> Iterator[_Step]:
+    """The start of an episode, and step after step of it, while the environment is as that step left it."""
+    act = actor(policy)
+    observation, info = env.reset(seed=EVALUATION_SEED + episode)
+    yield _Step(observation, info, info["behaviour"]["location"], False, 0.0, 0.0, False)
+    count, over = 0, False
+    while not over and count < most_steps:
+        observation, _, terminated, truncated, info = env.step(act(observation))
+        told = info["behaviour"]
+        own, ours = float(info[OWN]), float(told["rewards"]["behaviour"])
+        follows = told["verdict"]["follows"]
+        yield _Step(observation, info, told["location"], follows, own, ours, bool(terminated))
+        count, over = count + 1, terminated or truncated
+
+
+def _picture(env: Any) -> np.ndarray:
+    try:
+        picture = env.render()
+    except Exception as error:  # each renderer fails in its own way
+        raise PlanError(f"{env.spec.id} cannot be drawn here: {error}") from None
+    if not isinstance(picture, np.ndarray):
+        raise PlanError(f"{env.spec.id} gives no pictures (render_mode rgb_array)")
+    return picture

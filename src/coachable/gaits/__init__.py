@@ -1,0 +1,1 @@
+"""Which gait it is: measures of recorded walks, by when the feet are on the ground."""

@@ -1,0 +1,86 @@
+"""The gaits of a training: every lane's policy walks some episodes, and each is measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from coachable.automata.monitor import Monitor
+from coachable.behaviours.behaviour import Behaviour
+from coachable.experiments.run_folder.reader import TrainingRun, Which
+from coachable.experiments.run_folder.schemas import GAITS, table_of
+from coachable.experiments.training_walks import RecordedWalk, recorded_walk
+from coachable.foundation.errors import ParameterError
+from coachable.foundation.files import table_bytes, write_atomic
+from coachable.gaits.measures import CONTACT, feet, gait, measures
+
+
+@dataclass(frozen=True, eq=False)
+class Footfalls:
+    """When the feet of a walk are on the ground."""
+
+    title: str
+    time: Float[np.ndarray, " samples"]
+    """[s]"""
+    feet: Mapping[str, Bool[np.ndarray, " samples"]]
+    """By their names."""
+
+
+def survey(
+    run: TrainingRun,
+    episodes: int,
+    which: Which = "last",
+    tell: Callable[[str, float], None] = lambda name, share: None,
+) -> dict[str, list[Footfalls]]:
+    """Walk every lane's policy through so many episodes, each from another start; write `gaits.parquet`.
+
+    `tell` is told of which lane another share of its episodes is done.
+
+    **Returns:** by setup, the footfalls of each seed's first episode.
+
+    **Raises:** as `recorded_walk`, and `ParameterError` for a robot whose feet nobody tells of.
+    """
+    rows: list[dict[str, Any]] = []
+    first: dict[str, list[Footfalls]] = {}
+    for setup in run.plan.setups:
+        for seed in run.plan.seeds:
+            for episode in range(episodes):
+                walk = recorded_walk(run, setup.name, seed, which, episode)
+                if not feet(walk):
+                    raise ParameterError(
+                        f"{run.plan.env} has no signal that ends in {CONTACT}, so its gait cannot be told; "
+                        "give the plan such a signal for every foot, 1 while it is on the ground"
+                    )
+                rows.append(
+                    {"lane": run.lane(setup.name, seed).name, "episode": episode, **_row(run.behaviour, walk)}
+                )
+                if episode == 0:
+                    shown = Footfalls(f"seed {seed}: {rows[-1]['gait']}", walk.time, feet(walk))
+                    first.setdefault(setup.name, []).append(shown)
+                tell(f"{setup.name}, seed {seed}", 1 / episodes)
+    table = table_of(GAITS, {name: [row[name] for row in rows] for name in GAITS.names})
+    write_atomic(run.path / "gaits.parquet", table_bytes(table))
+    return first
+
+
+def _row(behaviour: Behaviour, walk: RecordedWalk) -> dict[str, Any]:
+    outside = len(walk.phases)
+    monitor = Monitor(behaviour)
+    monitor.feed_rows(walk.time, walk.values)
+    cycles = monitor.report().cycles
+    return {
+        "gait": gait(walk),
+        "dt": float(walk.time[1]),
+        "length": len(walk.time) - 1,
+        "environment": walk.environment_return,
+        "fell": walk.fell,
+        "share_in_cycle": float((walk.phase[1:] != outside).mean()),
+        "follows": float(walk.follows[1:].mean()),
+        "cycles": sum(cycles) / float(walk.time[-1]) if cycles else math.nan,
+        **measures(walk),
+    }

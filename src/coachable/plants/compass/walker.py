@@ -1,0 +1,246 @@
+"""The compass walker: two straight legs joined at the hip, a point mass on each and one on the hip."""
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from coachable.foundation.errors import ParameterError
+from coachable.plants.plant import HybridSystem
+
+STATE_NAMES = ("theta_1", "theta_2", "dtheta_1", "dtheta_2")
+"""Order of the state: stance leg, swing leg (angles from upright [rad], then angular velocities [rad/s])."""
+
+START = (0.0, 0.0, -0.4, 2.0)
+"""The paper's initial state x₀: both legs upright, tipping forward, the swing leg swinging forward."""
+
+
+@dataclass(frozen=True)
+class CompassParameters:
+    """Masses, lengths and gravity of a compass walker; the defaults are the paper's.
+
+    Raises `ParameterError` naming the field if a value is not a positive finite number.
+    """
+
+    hip_mass: int | float = 1.0
+    """m_H, point mass at the hip [kg]."""
+    leg_mass: int | float = 0.5
+    """m, point mass on each leg [kg]."""
+    a: int | float = 0.5
+    """Distance from the foot to the leg's mass [m]."""
+    b: int | float = 0.5
+    """Distance from the leg's mass to the hip [m]."""
+    gravity: int | float = 9.807
+    """g, gravitational acceleration [m/s²]; from the code released with the paper, which prints none."""
+
+    def __post_init__(self):
+        for field in fields(self):
+            value = getattr(self, field.name)
+            is_number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not (is_number and math.isfinite(value) and value > 0):
+                raise ParameterError(
+                    f"CompassParameters.{field.name} must be a positive finite number, but it is {value!r}"
+                )
+            object.__setattr__(self, field.name, float(value))
+
+    @property
+    def leg_length(self) -> float:
+        """Distance l = a + b from foot to hip [m]."""
+        return self.a + self.b
+
+    @property
+    def stance_inertia(self) -> float:
+        """Inertia about the stance foot of what the stance leg carries: (m_H + m) l² + m a² [kg m²]."""
+        return (self.hip_mass + self.leg_mass) * self.leg_length**2 + self.leg_mass * self.a**2
+
+    @property
+    def coupling_inertia(self) -> float:
+        """What couples the two legs' accelerations: m b l [kg m²]."""
+        return self.leg_mass * self.b * self.leg_length
+
+    @property
+    def swing_inertia(self) -> float:
+        """Inertia of the swing leg about the hip: m b² [kg m²]."""
+        return self.leg_mass * self.b**2
+
+    @property
+    def stance_weight(self) -> float:
+        """Largest gravity torque on the stance leg: (m_H l + m a + m l) g [N m]."""
+        moment = self.hip_mass * self.leg_length + self.leg_mass * (self.a + self.leg_length)
+        return moment * self.gravity
+
+    @property
+    def swing_weight(self) -> float:
+        """Largest gravity torque on the swing leg: m b g [N m]."""
+        return self.leg_mass * self.b * self.gravity
+
+
+PAPER_PARAMETERS = CompassParameters()
+"""The walker of the paper."""
+
+
+class CompassWalker(HybridSystem):
+    """The compass walker on flat ground: M(θ) θ̈ + C(θ, θ̇) θ̇ + g(θ) = S u.
+
+    Equation (1) of Harnack et al., CDC 2023, with the θ̇ behind C that is missing in print. The hip stands at
+    foot + l (−sin θ₁, cos θ₁) and the swing foot at hip + l (sin θ₂, −cos θ₂); walking forward means θ̇₁ < 0.
+
+    A swing foot that passes *backward* through the stance foot is no touchdown, unless
+    `backward_passing_counts`, as in the code released with the paper.
+    """
+
+    parameters: CompassParameters = eqx.field(static=True, default=PAPER_PARAMETERS)
+    backward_passing_counts: bool = eqx.field(static=True, default=False)
+
+    def mass_matrix(self, x: Float[Array, "4"]) -> Float[Array, "2 2"]:
+        """Return M(θ) [kg m²]."""
+        p = self.parameters
+        theta_1, theta_2, _, _ = x
+        coupling = -p.coupling_inertia * jnp.cos(theta_1 - theta_2)
+        stance, swing = jnp.full_like(coupling, p.stance_inertia), jnp.full_like(coupling, p.swing_inertia)
+        return jnp.stack([jnp.stack([stance, coupling]), jnp.stack([coupling, swing])])
+
+    def coriolis(self, x: Float[Array, "4"]) -> Float[Array, "2 2"]:
+        """Return C(θ, θ̇) [kg m² rad/s], with Ṁ − 2C skew-symmetric."""
+        theta_1, theta_2, dtheta_1, dtheta_2 = x
+        swirl = self.parameters.coupling_inertia * jnp.sin(theta_1 - theta_2)
+        zero = jnp.zeros_like(swirl)
+        return jnp.stack([jnp.stack([zero, -swirl * dtheta_2]), jnp.stack([swirl * dtheta_1, zero])])
+
+    def gravity_torque(self, x: Float[Array, "4"]) -> Float[Array, "2"]:
+        """Return g(θ) [N m], the gradient of the potential energy."""
+        theta_1, theta_2, _, _ = x
+        p = self.parameters
+        return jnp.stack([-p.stance_weight * jnp.sin(theta_1), p.swing_weight * jnp.sin(theta_2)])
+
+    def input_matrix(self) -> Float[Array, "2 2"]:
+        """Return S: u₁ is the ankle torque, u₂ the hip torque (the paper's sentence swaps their names)."""
+        return jnp.array([[1.0, 1.0], [0.0, -1.0]])
+
+    def flow(self, x: Float[Array, "4"], control: Float[Array, "2"]) -> Float[Array, "4"]:
+        """Return ẋ = (θ̇, M⁻¹(S u − C θ̇ − g)), with M⁻¹ in closed form.
+
+        Arguments: x, the state; control, the torques u = (ankle, hip) [N m]. Returns [rad/s, rad/s²].
+        """
+        p = self.parameters
+        theta_1, theta_2, dtheta_1, dtheta_2 = x
+        ankle, hip = control
+        cos, sin = jnp.cos(theta_1 - theta_2), jnp.sin(theta_1 - theta_2)
+        stance = ankle + hip + p.coupling_inertia * sin * dtheta_2**2 + p.stance_weight * jnp.sin(theta_1)
+        swing = -hip - p.coupling_inertia * sin * dtheta_1**2 - p.swing_weight * jnp.sin(theta_2)
+        lever = p.leg_length / p.b * cos
+        ddtheta_1 = (stance + lever * swing) / self.reduced_inertia(cos)
+        ddtheta_2 = swing / p.swing_inertia + lever * ddtheta_1
+        return jnp.stack([dtheta_1, dtheta_2, ddtheta_1, ddtheta_2])
+
+    def guard(self, x: Float[Array, "4"]) -> Float[Array, ""]:
+        """Return a number that falls through zero when the swing foot comes down on the ground.
+
+        The swing foot's height is l (cos θ₁ − cos θ₂) = 2 l sin((θ₁ + θ₂)/2) sin((θ₂ − θ₁)/2). Only the first
+        sine changes sign at a touchdown, so it is the guard; the second one changes sign where the legs pass.
+        Where `backward_passing_counts` the guard is the height itself while the swing leg leads, over l.
+        """
+        theta_1, theta_2, _, _ = x
+        mean = jnp.sin((theta_1 + theta_2) / 2)
+        if not self.backward_passing_counts:
+            return mean
+        lead = theta_2 - theta_1
+        return jnp.minimum(2 * mean * jnp.sin(lead / 2), lead)
+
+    def can_touch_down(self, x: Float[Array, "4"]) -> Bool[Array, ""]:
+        """Return whether the swing leg is in front; scuffing while it passes is ignored, as in the paper."""
+        theta_1, theta_2, _, _ = x
+        return (theta_2 > theta_1) | self.backward_passing_counts
+
+    @property
+    def can_bounce(self) -> bool:
+        """Whether a touchdown may follow right after an impact.
+
+        Not where `backward_passing_counts`: the released code's guard stands at −1 until the swing leg leads
+        again, so that a passing is seen only from a step that begins with the swing leg in front. Legs that
+        fall backward together would otherwise pass each other ever faster.
+        """
+        return not self.backward_passing_counts
+
+    def impact(self, x: Float[Array, "4"]) -> Float[Array, "4"]:
+        """Return the state right after touchdown: the legs swap roles, T⁺ θ̇⁺ = T⁻ θ̇⁻.
+
+        Conserved are the angular momentum of the whole walker about the new stance foot and that of the old
+        stance leg about the hip. Equation (5) of Harnack et al., where μ₃ as printed swaps the velocities
+        once too often.
+        """
+        theta_1, theta_2, dtheta_1, dtheta_2 = x
+        stance, swing = self.velocities_after_impact(jnp.cos(theta_1 - theta_2), dtheta_1, dtheta_2)
+        return jnp.stack([theta_2, theta_1, stance, swing])
+
+    def velocities_after_impact(self, cos: Any, dtheta_1: Any, dtheta_2: Any) -> tuple[Any, Any]:
+        """Return the new stance and swing leg's velocities, given cos(θ₁ − θ₂) and those before the impact.
+
+        They are linear in the velocities, and `reduced_inertia` times them is a polynomial in the cosine, of
+        degree two at most. The arguments may be arrays, floats or the terms of a solver: nothing but
+        arithmetic is done to them.
+        """
+        p = self.parameters
+        hip_moment = (p.hip_mass * p.leg_length + p.leg_mass * p.a) * p.leg_length
+        momentum = hip_moment * cos * dtheta_1 - p.leg_mass * p.a * p.b * dtheta_2
+        stance = momentum / self.reduced_inertia(cos)
+        swing = (p.leg_length * cos * stance - p.a * dtheta_1) / p.b
+        return stance, swing
+
+    def step_length(self, x: Float[Array, "4"]) -> Float[Array, ""]:
+        """Return how far in front of the stance foot the swing foot is: l (sin θ₂ − sin θ₁) [m]."""
+        theta_1, theta_2, _, _ = x
+        return self.parameters.leg_length * (jnp.sin(theta_2) - jnp.sin(theta_1))
+
+    def fall_margin(self, x: Float[Array, "4"]) -> Float[Array, ""]:
+        """Return cos θ₁, the hip's height over l: zero when the hip is on the ground."""
+        return jnp.cos(x[0])
+
+    def hip(self, x: Float[Array, "4"], foot_x: Float[Array, ""]) -> Float[Array, "2"]:
+        """Return the hip's position (x, y) [m], given where the stance foot is on the ground [m]."""
+        theta_1, _, _, _ = x
+        l = self.parameters.leg_length  # noqa: E741
+        return jnp.stack([foot_x - l * jnp.sin(theta_1), l * jnp.cos(theta_1)])
+
+    def swing_foot(self, x: Float[Array, "4"], foot_x: Float[Array, ""]) -> Float[Array, "2"]:
+        """Return the swing foot's position (x, y) [m]; y is negative while the leg scuffs the ground."""
+        theta_1, theta_2, _, _ = x
+        l = self.parameters.leg_length  # noqa: E741
+        return jnp.stack([foot_x + self.step_length(x), l * (jnp.cos(theta_1) - jnp.cos(theta_2))])
+
+    def energy(self, x: Float[Array, "4"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Return the kinetic energy ½ θ̇ᵀ M θ̇ and the potential energy above the ground [J]."""
+        p = self.parameters
+        theta_1, theta_2, dtheta_1, dtheta_2 = x
+        kinetic = (
+            p.stance_inertia * dtheta_1**2 / 2
+            + p.swing_inertia * dtheta_2**2 / 2
+            - p.coupling_inertia * jnp.cos(theta_1 - theta_2) * dtheta_1 * dtheta_2
+        )
+        potential = p.stance_weight * jnp.cos(theta_1) - p.swing_weight * jnp.cos(theta_2)
+        return kinetic, potential
+
+    def signals(self, x: Float[Array, "4"], names: tuple[str, ...]) -> Float[Array, " signals"]:
+        """Return the named coordinates of the state, in the order asked for.
+
+        Raises `ParameterError` if the plant has no signal of a name.
+        """
+        for name in names:
+            if name not in STATE_NAMES:
+                raise ParameterError(
+                    f"the compass walker has no signal {name!r}; it has {', '.join(STATE_NAMES)}"
+                )
+        if names == STATE_NAMES:
+            return x
+        return jnp.stack([x[STATE_NAMES.index(name)] for name in names])
+
+    def reduced_inertia(self, cos: Any) -> Any:
+        """Return det M / (m b²), the stance leg's inertia with the swing leg free; it is positive [kg m²].
+
+        The cosine of θ₁ − θ₂ may be an array, a float or a solver's term.
+        """
+        p = self.parameters
+        return p.stance_inertia - p.leg_mass * p.leg_length**2 * cos**2

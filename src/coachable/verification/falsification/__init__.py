@@ -1,0 +1,1 @@
+"""The search for a fall, and its independent confirmation."""

@@ -1,0 +1,182 @@
+"""Floquet multipliers of a periodic orbit, with what is known of their error, and the kinks near it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+
+from coachable.learning.policy import Policy
+from coachable.verification.gait.orbit import Orbit, follow
+from coachable.verification.gait.section import Loop
+from coachable.verification.gait.walk import Walk, settle
+
+Verdict = Literal["stable", "unstable", "undecided"]
+
+EXACTLY = 1e-6
+"""An orbit touches a kink exactly if it comes so near: in N m of a torque's bound, in s of a sample."""
+
+_DIFFERENCE = 1e-6
+"""Step of the central differences [rad, rad/s]."""
+_ROUNDING = 1e-12
+
+_Kinks = tuple[int, tuple[int, int], float | None, float | None]
+"""`num_samples`, `num_clipped`, `clip_margin` and `sample_margin` of a `Stability`."""
+
+
+@dataclass(frozen=True)
+class Stability:
+    """The multipliers of Pᵏ at a periodic orbit of k steps under the touchdown clock."""
+
+    multipliers: tuple[complex, ...]
+    """Eigenvalues of DPᵏ, largest modulus first."""
+    errors: tuple[float, ...]
+    """For each a bound on its numerical error: the condition of the eigenvectors times the change of DPᵏ when
+    the integrator's steps are halved (Bauer and Fike, 1960). An estimate, not a proof."""
+    norm: float
+    """‖DPᵏ‖₂, how much a deviation can grow in one period before it shrinks."""
+    disagreement: float
+    """Largest difference of an entry of DPᵏ from central differences of width 1e-6."""
+    num_samples: int
+    """Samples in one period."""
+    num_clipped: tuple[int, int]
+    """How many of them ask for more (ankle, hip) torque than the bounds allow."""
+    clip_margin: float | None
+    """The nearest that a wanted torque comes to one of its bounds [N m]; `None` if nothing is clipped."""
+    sample_margin: float | None
+    """The shortest time between a touchdown and a sample taken or due then [s]; `None` if continuous."""
+
+    @property
+    def largest(self) -> float:
+        """The largest modulus."""
+        return abs(self.multipliers[0])
+
+    @property
+    def error(self) -> float:
+        """The largest error bound."""
+        return max(self.errors)
+
+    @property
+    def verdict(self) -> Verdict:
+        """`stable` only if every modulus is below 1 by more than its error bound."""
+        sizes = [
+            (abs(multiplier), error) for multiplier, error in zip(self.multipliers, self.errors, strict=True)
+        ]
+        if all(size + error < 1 for size, error in sizes):
+            return "stable"
+        return "unstable" if any(size - error > 1 for size, error in sizes) else "undecided"
+
+    @property
+    def kinks(self) -> tuple[str, ...]:
+        """What makes Pᵏ not differentiable at the orbit, as far as it was seen."""
+        found = []
+        if self.clip_margin is not None and self.clip_margin <= EXACTLY:
+            found.append("a wanted torque lies exactly on its bound")
+        if self.sample_margin is not None and self.sample_margin <= EXACTLY:
+            found.append("a touchdown falls exactly on a sample")
+        return tuple(found)
+
+
+def stabilities(loops: Loop, orbits: Sequence[Orbit]) -> list[Stability | None]:
+    """The stability of each of stacked loops' orbits; `None` for what is not periodic.
+
+    To be called under `jax.enable_x64(True)`, with orbits under the touchdown clock.
+    """
+    periods = np.array([orbit.num_steps for orbit in orbits])
+    if not periods.any():
+        return [None] * len(orbits)
+    points = np.array([orbit.points[0] if orbit.num_steps else (np.nan,) * 3 for orbit in orbits])
+    _, coarse, _ = follow(loops, points, periods)
+    _, fine, _ = follow(loops, points, periods, refinement=2)
+    differences = _central_differences(loops, points, periods)
+    walks = settle(loops, _states(points), "touchdown")
+    return [
+        None
+        if not orbit.num_steps
+        else _stability(
+            fine[lane],
+            coarse[lane],
+            differences[lane],
+            _kinks(jax.tree.map(lambda leaf, i=lane: leaf[i], loops), orbit, walks[lane]),
+        )
+        for lane, orbit in enumerate(orbits)
+    ]
+
+
+def multipliers_with_errors(
+    jacobian: Float[np.ndarray, "3 3"], change: float
+) -> tuple[tuple[complex, ...], tuple[float, ...]]:
+    """Eigenvalues, largest first, and how far each may be off if the matrix is off by `change` in ‖·‖₂."""
+    values, vectors = np.linalg.eig(jacobian)
+    bound = float(np.linalg.cond(vectors)) * change
+    order = np.argsort(-np.abs(values))
+    return tuple(complex(value) for value in values[order]), (bound,) * len(values)
+
+
+def _stability(
+    jacobian: np.ndarray,
+    coarse: np.ndarray,
+    differences: np.ndarray,
+    kinks: _Kinks,
+) -> Stability:
+    norm = float(np.linalg.norm(jacobian, 2))
+    change = float(np.linalg.norm(jacobian - coarse, 2)) + _ROUNDING * norm
+    multipliers, errors = multipliers_with_errors(jacobian, change)
+    num_samples, num_clipped, clip_margin, sample_margin = kinks
+    return Stability(
+        multipliers=multipliers,
+        errors=errors,
+        norm=norm,
+        disagreement=float(np.max(np.abs(coarse - differences))),
+        num_samples=num_samples,
+        num_clipped=num_clipped,
+        clip_margin=clip_margin,
+        sample_margin=sample_margin,
+    )
+
+
+def _kinks(loop: Loop, orbit: Orbit, walk: Walk) -> _Kinks:
+    """Samples in one period, how many are clipped, and the margins to the nearest kinks."""
+    if loop.hold == "continuous":
+        return 0, (0, 0), None, None
+    touchdowns = walk.touchdown_time[: orbit.num_steps]
+    taken = walk.time < touchdowns[-1] - 1e-12
+    held = np.diff(np.concatenate([[0.0], touchdowns]))
+    rest = np.mod(held, loop.control_dt)
+    sample_margin = float(np.min(np.minimum(rest, loop.control_dt - rest)))
+    if not (isinstance(loop.controller, Policy) and loop.controller.squashing == "clip"):
+        return int(taken.sum()), (0, 0), None, sample_margin
+    wanted = np.asarray(jax.vmap(without_bounds(loop.controller))(jnp.asarray(walk.x[taken])))
+    low, high = np.asarray(loop.controller.low), np.asarray(loop.controller.high)
+    ankle, hip = ((wanted < low) | (wanted > high)).sum(axis=0)
+    margin = np.minimum(np.abs(wanted - low), np.abs(wanted - high))
+    return int(taken.sum()), (int(ankle), int(hip)), float(margin.min()), sample_margin
+
+
+def without_bounds(policy: Policy) -> Policy:
+    """A clipped policy before its torques are clipped."""
+    return eqx.tree_at(
+        lambda policy: (policy.low, policy.high), policy, (policy.low - jnp.inf, policy.high + jnp.inf)
+    )
+
+
+def _states(points: np.ndarray) -> np.ndarray:
+    beta, dtheta_1, dtheta_2 = points.T
+    return np.stack([beta, -beta, dtheta_1, dtheta_2], axis=-1)
+
+
+def _central_differences(
+    loops: Loop, points: Float[np.ndarray, "walkers 3"], periods: Int[np.ndarray, " walkers"]
+) -> Float[np.ndarray, "walkers 3 3"]:
+    def mapped(points):
+        return follow(loops, points, periods)[0]
+
+    columns = [
+        (mapped(points + step) - mapped(points - step)) / (2 * _DIFFERENCE)
+        for step in _DIFFERENCE * np.eye(3)
+    ]
+    return np.stack(columns, axis=-1)

@@ -1,0 +1,111 @@
+"""What stands behind a passport in files of its own: counterexamples and certificates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from coachable.foundation.errors import MissingExtraError
+from coachable.verification.falsification.counterexample_file import write_counterexamples
+from coachable.verification.falsification.falsify import search_for_falls
+from coachable.verification.passport.closed_loop import Subject
+from coachable.verification.passport.passport import Certified, FallSearch, Passport
+
+FALL_BUDGET = 1_000
+"""Walks of each search for a fall."""
+
+SECONDS_OF_A_PROOF = 300.0
+"""After which no larger box is tried for a certificate."""
+
+
+def falls(subject: Subject, gait: np.ndarray, folder: Path | None) -> tuple[FallSearch, ...]:
+    """Search for falls around a gait (β, θ̇1, θ̇2); counterexamples are written beside the passports."""
+    parameters, name = subject.plant.parameters, subject.walker.name
+    found = search_for_falls(
+        subject.controller,
+        gait.tolist(),
+        parameters=parameters,
+        clock=subject.walker.clock,
+        budget=FALL_BUDGET,
+    )
+    if folder is not None:
+        write_counterexamples(run_of(folder), name, found, parameters, subject.behaviour)
+    return tuple(
+        FallSearch(
+            within=one.perturbation.sentence,
+            seconds=one.seconds,
+            walks=FALL_BUDGET,
+            first_fall=one.searches[0].first_fall,
+            first_fall_at_random=one.searches[1].first_fall,
+            least_margin=min(float(search.least_margin) for search in one.searches),
+            confirmed=len(one.counterexamples),
+            unconfirmed=len(one.unconfirmed),
+        )
+        for one in found
+    )
+
+
+def certificate(
+    passport: Passport, subject: Subject, folder: Path | None, tell: Callable[[float], None]
+) -> Certified:
+    """Try to prove that a box around the gait returns into itself; a certificate is written.
+
+    `tell` is told, time and again, what share of the time was used since.
+    """
+    # Interval arithmetic is an extra, and passports do without it.
+    from coachable.verification.certificate.file import write_certificate
+    from coachable.verification.certificate.proposal import propose
+
+    walker, told = passport.walker, 0.0
+
+    def progress(gone: float) -> None:
+        nonlocal told
+        tell(gone - told)
+        told = gone
+
+    about = {
+        "walker": walker.name,
+        "run": None if walker.setup is None or folder is None else run_of(folder.resolve()).name,
+        "policy_sha256": walker.policy_sha256,
+    }
+    orbit = passport.orbits.touchdown
+    proposal = propose(subject.loop, orbit, about, seconds=SECONDS_OF_A_PROOF, progress=progress)
+    progress(1.0)
+    path = None
+    if proposal.certificate is not None and folder is not None:
+        path = run_of(folder) / "certificates" / f"{walker.name}.json"
+        path.parent.mkdir(exist_ok=True)
+        write_certificate(path, proposal.certificate)
+    verdict = proposal.verdict
+    return Certified(
+        proven=proposal.certificate is not None,
+        radius=proposal.radius,
+        reach=float("nan") if verdict is None else float(max(verdict.reach)),
+        strides=orbit.num_steps if proposal.certificate is None else int(proposal.certificate["strides"]),
+        reason=verdict.reason if verdict is not None and verdict.proven else proposal.obstacle,
+        file=None if path is None else path.name,
+    )
+
+
+def no_certificate(obstacle: str) -> Certified:
+    """That no proof was tried, and why: what keeps the walker from a stable gait, if anything does."""
+    reason = (
+        f"not tried: with the clock that restarts at touchdown {obstacle}"
+        if obstacle
+        else "not tried: certificates are for the semantics `paper`"
+    )
+    return Certified(False, 0.0, float("nan"), 0, reason, None)
+
+
+def run_of(folder: Path) -> Path:
+    """Where what lies beside the passports goes: the run's folder, if they are in it."""
+    return folder.parent if folder.name == "passports" else folder
+
+
+def require_crival() -> None:
+    """**Raises:** `MissingExtraError` without the interval arithmetic of the [verify] extra."""
+    if find_spec("ival") is None:
+        raise MissingExtraError("a certificate", "verify")

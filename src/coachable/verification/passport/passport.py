@@ -1,0 +1,192 @@
+"""The gait passport: everything that was found out about one walker, as a value and as a file."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from coachable.envs.walking_task import Clock
+from coachable.foundation.errors import RunFolderError
+from coachable.foundation.files import read_bytes, write_atomic
+from coachable.foundation.json_values import from_json, to_json
+from coachable.rewards.setup import Semantics
+from coachable.verification.gait.adherence import Adherence
+from coachable.verification.gait.orbit import Orbit
+from coachable.verification.gait.stability import Stability
+from coachable.verification.robustness.basin import Basin, Proportion
+from coachable.verification.robustness.pushes import Pushes
+
+FORMAT_VERSION = 1
+Level = Literal["quick", "full"]
+LEVELS: tuple[Level, ...] = ("quick", "full")
+
+_DERIVED = {
+    Adherence: ("follows",),
+    Orbit: ("speed",),
+    Stability: ("largest", "error", "verdict", "kinks"),
+    Proportion: ("share", "interval"),
+}
+
+
+@dataclass(frozen=True)
+class Walker:
+    """Who the passport is about: a lane's learned policy, or a baseline."""
+
+    name: str
+    """The lane (`setup-seed`, with `-best` for the best policy) or the baseline."""
+    setup: str | None
+    seed: int | None
+    which: Literal["last", "best"] | None
+    policy_sha256: str | None
+    """Of the file with the policy's weights; `None` for a baseline."""
+    semantics: Semantics
+    clock: Clock
+    """Its own clock, with which a policy was trained."""
+
+
+@dataclass(frozen=True)
+class Orbits:
+    """The gaits that a walker settles to from x₀ under the two clocks."""
+
+    free: Orbit
+    touchdown: Orbit
+
+
+@dataclass(frozen=True)
+class FallSearch:
+    """A search for a fall within stated bounds, by CMA-ES with restarts and beside it at random."""
+
+    within: str
+    """What the walker may meet, in a sentence."""
+    seconds: float
+    """How long each walk lasts, at most."""
+    walks: int
+    """The budget of each of the two."""
+    first_fall: int | None
+    """In which walk CMA-ES first saw a fall."""
+    first_fall_at_random: int | None
+    """In which walk random search did."""
+    least_margin: float
+    """Of all walks of both; not positive where one falls, and small where one nearly does."""
+    confirmed: int
+    """Falls that SciPy walked once more with the same end; kept as counterexamples."""
+    unconfirmed: int
+    """Falls that SciPy was given and did not see."""
+
+
+@dataclass(frozen=True)
+class Certified:
+    """An attempt at a certificate: a box around the gait that is proven to return into itself, or why not."""
+
+    proven: bool
+    radius: float
+    """Half the box's width along each eigenvector [rad and rad/s]; 0 without a proof."""
+    reach: float
+    """How far images of the box reach, over the radius; NaN if nothing was checked."""
+    strides: int
+    """Steps after which the box returns; 0 without a gait that repeats itself."""
+    reason: str
+    """What the checker says; without a proof, where it fails."""
+    file: str | None
+    """The certificate's name in the folder `certificates`, if it was written."""
+
+
+@dataclass(frozen=True)
+class Passport:
+    """What is known of one walker, at one level; docs/passport.md tells what each line means."""
+
+    walker: Walker
+    level: Level
+    adherence: Adherence
+    """Of 100 s from x₀ with its own clock."""
+    orbits: Orbits
+    stability: Stability | None
+    """Of the orbit under the touchdown clock; `None` without a periodic one."""
+    basins: tuple[Basin, ...]
+    """For each set of starts, under its own clock; empty if there is no gait to reach."""
+    pushes: Pushes | None
+    """Level full, under its own clock; `None` if there is no gait to disturb."""
+    baseline: str | None
+    """Who stands beside it in the table of pushes."""
+    baseline_pushes: Pushes | None
+    falls: tuple[FallSearch, ...] = ()
+    """Level full, under its own clock; empty without a gait, and in `released-code` semantics."""
+    certificate: Certified | None = None
+    """With the touchdown clock, if it was asked for."""
+
+    @property
+    def gait(self) -> Orbit:
+        """The gait under its own clock."""
+        return self.orbits.free if self.walker.clock == "free" else self.orbits.touchdown
+
+    @property
+    def certifiable(self) -> bool:
+        """Whether there is a periodic, stable orbit with the touchdown clock, by the paper's rules."""
+        stable = self.stability is not None and self.stability.verdict == "stable"
+        return stable and self.orbits.touchdown.kind == "periodic" and self.walker.semantics == "paper"
+
+    @property
+    def walks(self) -> bool:
+        """Whether it was up after 100 s and still took steps."""
+        return self.gait.kind != "none"
+
+    @property
+    def verdict(self) -> str:
+        """The passport in one sentence."""
+        if not self.adherence.up:
+            return f"does not walk: it fell after {self.adherence.seconds:.2f} s"
+        if not self.walks:
+            return "does not walk: it is up after 100 s, but takes no steps any more"
+        if self.stability is not None:
+            steps = _steps(self.orbits.touchdown.num_steps)
+            settles = f"settles to a gait that repeats every {steps} (touchdown clock)"
+            return f"walks and {settles}, {self.stability.verdict}"
+        if self.orbits.touchdown.kind == "none":
+            return "walks, but falls when its clock restarts at touchdown"
+        return "walks without repeating itself"
+
+
+def passport_path(folder: Path, name: str) -> Path:
+    """Where the passport of a walker lies."""
+    return folder / f"{name}.json"
+
+
+def write_passport(folder: Path, passport: Passport) -> Path:
+    """Write a passport into a folder, whole or not at all."""
+    path = passport_path(folder, passport.walker.name)
+    write_atomic(path, json.dumps(passport_data(passport), indent=2, ensure_ascii=False) + "\n")
+    return path
+
+
+def passport_data(passport: Passport) -> dict[str, Any]:
+    """The passport as JSON has it, as docs/passport.md documents it."""
+    return {"format_version": FORMAT_VERSION, **to_json(passport, _DERIVED)}
+
+
+def read_passport(path: Path) -> Passport:
+    """The passport in a file.
+
+    **Raises:** `RunFolderError` naming the file and what is wrong with it.
+    """
+    try:
+        data = json.loads(read_bytes(path).decode())
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise RunFolderError(f"{path} is damaged: {error}") from None
+    if not isinstance(data, dict):
+        raise RunFolderError(f"{path} is damaged: it holds no object")
+    version = data.pop("format_version", None)
+    if version != FORMAT_VERSION:
+        raise RunFolderError(
+            f"{path} has format_version {version!r}; this coachable reads {FORMAT_VERSION}. "
+            "Delete it and verify the walker again"
+        )
+    try:
+        return from_json(Passport, data, _DERIVED)
+    except RunFolderError as error:
+        raise RunFolderError(f"{path} is damaged: {error}. Delete it and verify the walker again") from None
+
+
+def _steps(count: int) -> str:
+    return "step" if count == 1 else f"{count} steps"

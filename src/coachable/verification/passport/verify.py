@@ -1,0 +1,234 @@
+"""From walkers to passports: many at once, each program compiled once for all of them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from coachable.envs.walking_task import Clock
+from coachable.experiments.layout import num_cores
+from coachable.foundation.errors import RunFolderError
+from coachable.foundation.files import write_atomic
+from coachable.plants.compass import START
+from coachable.verification.falsification.fall_search import require_cma
+from coachable.verification.gait.adherence import adherence
+from coachable.verification.gait.followed_automaton import followed_svg
+from coachable.verification.gait.orbit import find_orbits
+from coachable.verification.gait.section import in_double
+from coachable.verification.gait.stability import stabilities
+from coachable.verification.gait.walk import Walk, settle, stacked
+from coachable.verification.passport.attempts import certificate, falls, no_certificate, require_crival
+from coachable.verification.passport.closed_loop import Subject
+from coachable.verification.passport.passport import (
+    LEVELS,
+    Level,
+    Orbits,
+    Passport,
+    passport_path,
+    read_passport,
+    write_passport,
+)
+from coachable.verification.passport.why_no_certificate import obstacles
+from coachable.verification.robustness.basin import CHUNK, SET_NAMES, basin, draw_starts, label_starts
+from coachable.verification.robustness.basin_picture import draw_slices, slices
+from coachable.verification.robustness.pushes import Pushes, pushes
+
+NUM_STARTS: dict[Level, int] = {"quick": 500, "full": 50_000}
+"""Starts drawn from each of the two boxes."""
+
+MEASURING = 0.3
+"""Share of the work on a walker, as it is told, that comes before the attempt at a certificate."""
+
+GROUP = 10
+"""Walkers whose orbits are looked for side by side."""
+
+_CLOCKS: tuple[Clock, ...] = ("free", "touchdown")
+_GAIT_POINTS = 64
+"""How many of the last touchdowns stand for a gait that starts are to reach."""
+
+Tell = Callable[[str, float], None]
+"""Told the name of a walker and how much of the work on it is done since the last time, in walkers."""
+
+
+def verify(
+    subjects: Sequence[Subject],
+    level: Level,
+    folder: Path | None,
+    baseline: Subject | None = None,
+    tell: Tell = lambda name, share: None,
+    *,
+    certify: bool = False,
+) -> list[Passport]:
+    """The passports of walkers, in their order; written into a folder as soon as each is made.
+
+    Arguments: subjects, whose controllers are of one kind; level, how much is looked at; folder, where
+    passports and their pictures go, if anywhere; baseline, who stands beside them in the table of pushes;
+    certify, whether to try to prove that a box around the gait returns into itself, for five minutes at most.
+
+    **Raises:** `MissingExtraError` for what needs the [verify] extra without it.
+    """
+    if not subjects:
+        return []
+    if level == "full":
+        require_cma()
+    if certify:
+        require_crival()
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+    beside = _pushes_of(baseline) if baseline is not None and level == "full" else None
+    width = min(GROUP, len(subjects))
+    groups = [subjects[first : first + width] for first in range(0, len(subjects), width)]
+    stopped = threading.Event()
+
+    def tell_unless_stopped(name: str, share: float) -> None:
+        if stopped.is_set():
+            raise InterruptedError("the verification was stopped")
+        tell(name, share)
+
+    job = _Job(
+        width=width,
+        level=level,
+        folder=folder,
+        baseline=None if beside is None or baseline is None else baseline.walker.name,
+        beside=beside,
+        tell=tell_unless_stopped,
+        drawing=threading.Lock(),
+        certify=certify,
+    )
+    done = {0: _verify_group(groups[0], job)}  # alone, so that each program is compiled once
+    with ThreadPoolExecutor(num_cores()) as pool:
+        futures = {
+            pool.submit(_verify_group, group, job): index for index, group in enumerate(groups[1:], start=1)
+        }
+        try:
+            for future in as_completed(futures):
+                done[futures[future]] = future.result()
+        except BaseException:
+            stopped.set()  # what is under way ends at its next chunk of starts
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return [passport for index in range(len(groups)) for passport in done[index]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """What all groups of one verification have in common."""
+
+    width: int
+    """How many walkers the programs are compiled for."""
+    level: Level
+    folder: Path | None
+    baseline: str | None
+    beside: Pushes | None
+    """What the baseline takes."""
+    tell: Tell
+    drawing: threading.Lock
+    """Matplotlib's settings are one for all threads."""
+    certify: bool
+
+
+def _verify_group(group: Sequence[Subject], job: _Job) -> list[Passport]:
+    padded = [*group, *[group[-1]] * (job.width - len(group))]
+    with jax.enable_x64(True):
+        loops = stacked([in_double(subject.loop) for subject in padded])
+        starts = np.tile(np.array(START), (job.width, 1))
+        walks = {clock: settle(loops, starts, clock) for clock in _CLOCKS}
+        found = {clock: find_orbits(loops, walks[clock], clock) for clock in _CLOCKS}
+        stable = stabilities(loops, found["touchdown"])
+        asked = (loops, walks["touchdown"], found["touchdown"], stable)
+        why_not = obstacles(*asked) if job.certify else [""] * job.width
+    passports = []
+    for lane, subject in enumerate(group):
+        walk = walks[subject.walker.clock][lane]
+        passport = Passport(
+            walker=subject.walker,
+            level=job.level,
+            adherence=adherence(subject.behaviour, walk),
+            orbits=Orbits(found["free"][lane], found["touchdown"][lane]),
+            stability=stable[lane],
+            basins=(),
+            pushes=None,
+            baseline=job.baseline,
+            baseline_pushes=job.beside,
+        )
+        measuring = MEASURING if job.certify and passport.certifiable else 1.0
+        passport = _with_disturbances(passport, subject, walk, job, measuring)
+        if job.certify and passport.certifiable:
+            passport = _with_certificate(passport, subject, job)
+        elif job.certify:
+            passport = replace(passport, certificate=no_certificate(why_not[lane]))
+        if job.folder is not None:
+            path = write_passport(job.folder, passport)
+            picture = path.with_name(f"{path.stem}-automaton.svg")
+            write_atomic(picture, followed_svg(subject.behaviour, passport.adherence))
+        passports.append(passport)
+    return passports
+
+
+def _with_certificate(passport: Passport, subject: Subject, job: _Job) -> Passport:
+    def tell(share: float) -> None:
+        job.tell(subject.walker.name, (1 - MEASURING) * share)
+
+    return replace(passport, certificate=certificate(passport, subject, job.folder, tell))
+
+
+def _with_disturbances(passport: Passport, subject: Subject, walk: Walk, job: _Job, share: float) -> Passport:
+    """The passport with what needs a gait to start from: basins and, at level full, slices, pushes, falls.
+
+    It is told as this share of the work on the walker.
+    """
+    name, level, folder = subject.walker.name, job.level, job.folder
+    if not passport.walks:
+        job.tell(name, share)
+        return passport
+    gait = walk.section[-_GAIT_POINTS:]
+    loop, clock = subject.loop, subject.walker.clock
+    planes = slices(gait[-1]) if level == "full" and folder is not None else ()
+    chunks = sum(-(-len(plane.starts) // CHUNK) for plane in planes)
+    chunks += len(SET_NAMES) * -(-NUM_STARTS[level] // CHUNK)
+
+    def each() -> None:
+        job.tell(name, share / chunks)
+
+    found = tuple(
+        basin(starts, label_starts(loop, clock, gait, draw_starts(starts, NUM_STARTS[level]), each))
+        for starts in SET_NAMES
+    )
+    if folder is not None and planes:
+        labelled = [(plane, label_starts(loop, clock, gait, plane.starts, each)) for plane in planes]
+        with job.drawing:
+            draw_slices(folder / f"{name}-basin.png", name, gait, labelled)
+    if level == "quick":
+        return replace(passport, basins=found)
+    fallen = falls(subject, gait[-1], folder) if subject.walker.semantics == "paper" else ()
+    return replace(passport, basins=found, pushes=pushes(loop, clock, gait[-1]), falls=fallen)
+
+
+def _pushes_of(subject: Subject) -> Pushes | None:
+    """What the baseline takes, if it walks."""
+    with jax.enable_x64(True):
+        clock = subject.walker.clock
+        walk = settle(stacked([in_double(subject.loop)]), np.array([START]), clock)[0]
+    if not walk.up or not len(walk.section):
+        return None
+    return pushes(subject.loop, clock, walk.section[-1])
+
+
+def kept_passport(folder: Path, subject: Subject, level: Level, certify: bool = False) -> Passport | None:
+    """The walker's passport if it is in the folder, readable, and of the same policy, and tells no less."""
+    path = passport_path(folder, subject.walker.name)
+    if not path.exists():
+        return None
+    try:
+        passport = read_passport(path)
+    except RunFolderError:
+        return None  # it is made anew
+    enough = LEVELS.index(passport.level) >= LEVELS.index(level)
+    enough &= not certify or passport.certificate is not None
+    return passport if enough and passport.walker == subject.walker else None

@@ -1,0 +1,1 @@
+"""From how many starts, and under which disturbances, a walker keeps walking."""

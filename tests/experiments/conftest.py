@@ -1,0 +1,45 @@
+"""A small study, run once: two setups with two seeds, trained for twenty short updates."""
+
+import pytest
+
+from coachable.experiments import survival
+from coachable.experiments.plan import load_plan
+from coachable.experiments.runner import run_study
+
+SMALL = """
+name = "small"
+steps = 1250
+evaluate_every = 250
+setups = ["sparse", "forward+orthant"]
+[seeds]
+first = 3
+count = 2
+[ppo]
+n_steps = 64
+batch_size = 32
+n_epochs = 2
+hidden_sizes = [8, 8]
+"""
+
+
+@pytest.fixture(scope="session")
+def cache_folder(tmp_path_factory):
+    """Where compiled programs are kept, for this process and those it starts."""
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(scope="session")
+def small_plan(tmp_path_factory):
+    """The small study's plan file."""
+    path = tmp_path_factory.mktemp("plans") / "small.toml"
+    path.write_text(SMALL)
+    return path
+
+
+@pytest.fixture(scope="session")
+def small_run(tmp_path_factory, cache_folder, small_plan):
+    """The finished run of the small study; not to be written to."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(survival, "NUM_STARTS", 20)
+        patch.setenv("XDG_CACHE_HOME", str(cache_folder))
+        return run_study(load_plan(small_plan), tmp_path_factory.mktemp("runs") / "small", progress=False)

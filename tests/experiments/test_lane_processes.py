@@ -1,0 +1,123 @@
+"""Lanes in processes: all are run, news are heard, and whatever goes wrong stops everything in good order."""
+
+import errno
+import multiprocessing
+import os
+import signal
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from coachable.experiments.lane_processes import News, run_lanes
+from coachable.foundation.errors import PlanError, RunFolderError
+
+
+@dataclass(frozen=True)
+class Count:
+    """Counts to ten in a file, and goes on from there."""
+
+    path: Path
+    ends: str = "well"
+
+    @property
+    def name(self):
+        return self.path.name
+
+    def finished(self):
+        done = self.path.exists() and self.path.read_text() == "10"
+        return News(10, {}, True) if done else None
+
+    def run(self, tell):
+        start = int(self.path.read_text()) if self.path.exists() else 0
+        for number in range(start, 10):
+            try:
+                tell(News(number, {}, False))
+            except KeyboardInterrupt:
+                self.path.write_text(str(number))
+                raise
+            if self.ends == "waits":
+                time.sleep(0.05)
+            if number == 5:
+                if self.ends == "mistake":
+                    raise PlanError("no such thing")
+                if self.ends == "full disk":
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                if self.ends == "bug":
+                    raise ZeroDivisionError("a bug")
+                if self.ends == "killed":
+                    os.kill(os.getpid(), signal.SIGKILL)
+                if self.ends == "told to stop":
+                    os.kill(os.getpid(), signal.SIGTERM)
+        self.path.write_text("10")
+        tell(News(10, {}, True))
+
+
+def nothing():
+    pass
+
+
+def test_every_lane_is_run_and_its_end_is_heard(tmp_path):
+    works = [Count(tmp_path / str(i)) for i in range(3)]
+    heard = {}
+    run_lanes(works, 2, heard.__setitem__, nothing)
+    assert {index: news.done for index, news in heard.items()} == {0: True, 1: True, 2: True}
+    assert [work.path.read_text() for work in works] == ["10", "10", "10"]
+
+
+@pytest.mark.parametrize(
+    ("ends", "error", "message"),
+    [
+        ("mistake", PlanError, "no such thing"),
+        ("bug", RuntimeError, "ZeroDivisionError: a bug"),
+        ("full disk", OSError, "No space left"),
+        ("killed", RunFolderError, "ended from outside"),
+        ("told to stop", RunFolderError, "ended from outside"),
+    ],
+)
+def test_what_goes_wrong_in_a_lane_is_raised_and_stops_the_others(tmp_path, ends, error, message):
+    works = [Count(tmp_path / "bad", ends), Count(tmp_path / "other", "waits")]
+    with pytest.raises(error, match=message):
+        run_lanes(works, 2, lambda index, news: None, nothing)
+    assert multiprocessing.active_children() == []
+
+
+def test_ctrl_c_lets_every_lane_save_and_the_next_run_goes_on(tmp_path):
+    works = [Count(tmp_path / str(i), "waits") for i in range(2)]
+
+    def interrupt(index, news):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_lanes(works, 2, interrupt, nothing)
+    assert any(work.path.exists() for work in works)
+    assert all(int(work.path.read_text()) < 10 for work in works if work.path.exists())
+    run_lanes(works, 2, lambda index, news: None, nothing)
+    assert [work.path.read_text() for work in works] == ["10", "10"]
+
+
+def test_processes_that_are_just_beginning_leave_ctrl_c_to_the_one_that_started_them(tmp_path):
+    """In a terminal it reaches all of them, wherever they are; only the parent decides."""
+    works = [Count(tmp_path / str(i)) for i in range(2)]
+    hit = set()
+
+    def ctrl_c():
+        for process in multiprocessing.active_children():
+            if process.pid not in hit:
+                hit.add(process.pid)
+                os.kill(process.pid, signal.SIGINT)
+
+    run_lanes(works, 2, lambda index, news: None, ctrl_c)
+    assert len(hit) == 2
+    assert [work.path.read_text() for work in works] == ["10", "10"]
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_a_lane_that_is_done_is_heard_of_without_a_process(tmp_path):
+    (tmp_path / "done").write_text("10")
+    heard = {}
+    works = [Count(tmp_path / "done", "bug"), Count(tmp_path / "other")]
+    run_lanes(works, 1, heard.__setitem__, nothing)
+    assert heard[0] == News(10, {}, True)
+    assert heard[1].done

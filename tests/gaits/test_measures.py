@@ -1,0 +1,113 @@
+"""Gaits of feet that come to the ground by a clock are what the clock says."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from coachable.gaits.measures import feet, gait, measures, touchdowns
+
+DT = 0.01
+
+
+@dataclass
+class Clockwork:
+    """A walk at constant speed; each foot is on the ground for a share of its stride, the right one later."""
+
+    duty: dict
+    lag: float = 0.5
+    speed: float = 1.5
+    seconds: float = 8.0
+    stride: float = 0.8
+    values: dict = field(default_factory=dict)
+
+    def __post_init__(self):
+        self.time = np.arange(round(self.seconds / DT)) * DT
+        self.values["torso_x"] = self.speed * self.time
+        self.values["power"] = np.full(len(self.time), 90.0)
+        self.values["weight"] = np.full(len(self.time), 40.0)
+        for number, (foot, duty) in enumerate(self.duty.items()):
+            # Half a sample off, so that rounding decides nothing.
+            phase = (self.time + DT / 2) / self.stride - number * self.lag - 0.1
+            self.values[f"{foot}foot_contact"] = (phase % 1 < duty).astype(float)
+
+
+def two(left, right, **rest):
+    return Clockwork({"left_": left, "right_": right}, **rest)
+
+
+@pytest.mark.parametrize(
+    ("walk", "name"),
+    [
+        (two(0.6, 0.6), "walks"),
+        (two(0.6, 0.6, lag=0.42), "walks"),
+        (two(0.3, 0.3), "runs"),
+        (two(0.3, 0.3, lag=0.25), "gallops"),
+        (two(0.3, 0.3, lag=0.75), "gallops"),
+        (two(0.3, 0.3, lag=0.02), "hops"),
+        (two(0.3, 0.3, lag=0.98), "hops"),
+        (two(0.0, 0.3), "hops on right"),
+        (two(0.3, 0.0), "hops on left"),
+        (two(0.6, 0.6, speed=0.01), "stands"),
+        (two(1.0, 1.0), "shuffles"),
+        (Clockwork({"": 0.4}), "hops"),
+        (Clockwork({"": 1.0}), "shuffles"),
+        (Clockwork({}), "shuffles"),
+        (Clockwork({"a_": 0.3, "b_": 0.3, "c_": 0.3, "d_": 0.3}), "moves"),
+    ],
+)
+def test_a_gait_is_told_by_when_its_feet_are_on_the_ground(walk, name):
+    assert gait(walk) == name
+
+
+@pytest.mark.parametrize("lag", [0.05, 0.25, 0.5, 0.75])
+@pytest.mark.parametrize("duty", [0.25, 0.45])
+def test_the_clock_is_read_from_the_feet(duty, lag):
+    found = measures(two(duty, duty, lag=lag))
+    assert found["duty"] == pytest.approx(duty, abs=0.02)
+    assert found["lag"] == pytest.approx(lag, abs=0.02)
+    assert found["alternation"] == 1.0
+    assert found["asymmetry"] == pytest.approx(0.0, abs=3.0)
+    assert found["speed"] == pytest.approx(1.5)
+    overlap = max(0.0, duty - min(lag, 1 - lag))
+    assert found["flight"] == pytest.approx(1 - 2 * duty + overlap, abs=0.02)
+
+
+def test_the_cost_of_transport_is_power_per_weight_and_speed():
+    assert measures(two(0.6, 0.6))["transport"] == pytest.approx(90.0 / (40.0 * 1.5), rel=0.01)
+    assert math.isnan(measures(two(0.6, 0.6, speed=-0.5))["transport"]), "it does not go forward"
+
+
+def test_asymmetry_is_the_difference_over_the_mean():
+    assert measures(two(0.6, 0.3))["asymmetry"] == pytest.approx(100 * 0.3 / 0.45, abs=3)
+    assert measures(two(0.3, 0.6))["asymmetry"] == pytest.approx(100 * 0.3 / 0.45, abs=3)
+    assert measures(two(0.5, 0.0))["asymmetry"] == 200
+
+
+def test_hopping_on_one_foot_never_alternates():
+    assert measures(two(0.4, 0.0))["alternation"] == 0.0
+
+
+def test_a_foot_that_trembles_makes_no_steps():
+    walk = two(0.6, 0.6)
+    calm = {name: len(touchdowns(contact)) for name, contact in feet(walk).items()}
+    trembling = walk.values["left_foot_contact"]
+    trembling[40::37] = 1 - trembling[40::37]
+    assert {name: len(touchdowns(contact)) for name, contact in feet(walk).items()} == calm
+
+
+def test_mirrored_feet_have_the_mirrored_lag_and_all_else_alike():
+    one, other = two(0.4, 0.3, lag=0.3), two(0.3, 0.4, lag=0.7)
+    first, second = measures(one), measures(other)
+    assert first["lag"] + second["lag"] == pytest.approx(1.0, abs=0.03)
+    for name in ("duty", "flight", "asymmetry", "alternation"):
+        assert first[name] == pytest.approx(second[name], rel=0.05, abs=0.02)
+
+
+def test_who_goes_on_one_foot_and_then_the_other_makes_no_strides():
+    walk = two(1.0, 1.0)
+    walk.values["left_foot_contact"] = ((walk.time > 1) & (walk.time < 3)).astype(float)
+    walk.values["right_foot_contact"] = ((walk.time > 3) & (walk.time < 7)).astype(float)
+    assert math.isnan(measures(walk)["lag"])
+    assert gait(walk) == "shuffles"
