@@ -3,8 +3,8 @@
     import coachable as co
 
     walk = co.load_behaviour("compass-walking")
-    run = co.study("paper", out="runs/paper", seeds=15)
-    policy = co.load_run("runs/paper").policy("orthant", seed=3)
+    run = co.train("paper", out="runs/paper", seeds=15)
+    policy = co.open_run("runs/paper").policy("orthant", seed=3)
     trajectory = co.rollout(policy, seconds=10.0)
 
 Names are loaded when they are first used, so that importing this package is quick.
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from coachable.envs.vector_behaviour_reward import VectorBehaviourReward as VectorBehaviourReward
     from coachable.envs.walking_task import make_task as make_task
     from coachable.experiments.api import rollout as rollout
-    from coachable.experiments.api import study as study
-    from coachable.experiments.plan import Study as Study
+    from coachable.experiments.api import train as train
+    from coachable.experiments.experiment import Experiment as Experiment
     from coachable.experiments.plan import load_plan as load_plan
     from coachable.experiments.run_folder.reader import Run as Run
-    from coachable.experiments.run_folder.reader import load_run as load_run
+    from coachable.experiments.run_folder.reader import open_run as open_run
     from coachable.foundation.errors import CoachableError as CoachableError
     from coachable.learning.config import PPOConfig as PPOConfig
     from coachable.learning.policy import Policy as Policy
@@ -50,6 +50,7 @@ _HOMES = {
     "CompassWalker": "plants.compass",
     "ConstantTorque": "plants.controllers",
     "DescribedReward": "rewards.described_reward",
+    "Experiment": "experiments.experiment",
     "HybridAutomaton": "automata.hybrid",
     "Monitor": "automata.monitor",
     "NoTorque": "plants.controllers",
@@ -57,7 +58,6 @@ _HOMES = {
     "Policy": "learning.policy",
     "RewardSetup": "rewards.setup",
     "Run": "experiments.run_folder.reader",
-    "Study": "experiments.plan",
     "Trajectory": "envs.rollout",
     "VectorBehaviourReward": "envs.vector_behaviour_reward",
     "VirtualGravity": "plants.controllers",
@@ -65,11 +65,11 @@ _HOMES = {
     "citation": "analysis.citation",
     "load_behaviour": "behaviours.library",
     "load_plan": "experiments.plan",
-    "load_run": "experiments.run_folder.reader",
     "make_task": "envs.walking_task",
+    "open_run": "experiments.run_folder.reader",
     "rollout": "experiments.api",
     "signal_pack": "envs.signals",
-    "study": "experiments.api",
+    "train": "experiments.api",
 }
 
 __all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -1,10 +1,10 @@
-"""A small study, run once: two setups with two seeds, trained for twenty short updates."""
+"""A small experiment, run once: two setups with two seeds, trained for twenty short updates."""
 
 import pytest
 
 from coachable.experiments import survival
 from coachable.experiments.plan import load_plan
-from coachable.experiments.runner import run_study
+from coachable.experiments.runner import run_experiment
 
 SMALL = """
 name = "small"
@@ -30,7 +30,7 @@ def cache_folder(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def small_plan(tmp_path_factory):
-    """The small study's plan file."""
+    """The small experiment's plan file."""
     path = tmp_path_factory.mktemp("plans") / "small.toml"
     path.write_text(SMALL)
     return path
@@ -38,8 +38,10 @@ def small_plan(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def small_run(tmp_path_factory, cache_folder, small_plan):
-    """The finished run of the small study; not to be written to."""
+    """The finished run of the small experiment; not to be written to."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(survival, "NUM_STARTS", 20)
         patch.setenv("XDG_CACHE_HOME", str(cache_folder))
-        return run_study(load_plan(small_plan), tmp_path_factory.mktemp("runs") / "small", progress=False)
+        return run_experiment(
+            load_plan(small_plan), tmp_path_factory.mktemp("runs") / "small", progress=False
+        )

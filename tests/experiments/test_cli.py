@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from coachable import cli
+from coachable.behaviours import load_behaviour
 from coachable.cli.descriptions import warn_of_errors
 
 
@@ -35,7 +36,7 @@ def test_help_is_quick():
     program = (
         "import sys, time\nbegan = time.process_time()\nfrom coachable import cli\n"
         "cli.main(['--help'])\n"
-        "try:\n    cli.main(['study', '--help'])\nexcept SystemExit:\n    pass\n"
+        "try:\n    cli.main(['train', '--help'])\nexcept SystemExit:\n    pass\n"
         "took = time.process_time() - began\n"
         "assert not {'jax', 'numpy', 'matplotlib'} & set(sys.modules)\nassert took < 0.5, took\n"
     )
@@ -60,14 +61,14 @@ def test_every_command_has_help_with_an_example(capsys, name):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["studdy"], ["'studdy'", "'study'"]),
-        (["study", "papr"], ["'papr'", "'paper'"]),
-        (["study", "paper", "--setups", "orthant", "sprase"], ["'sprase'", "'sparse'"]),
-        (["study", "paper", "--semantics", "papr"], ["--semantics", "paper", "released-code"]),
-        (["study", "paper", "--steps", "many"], ["--steps"]),
-        (["study", "paper", "--steps", "0"], ["steps must be at least 1"]),
-        (["study", "paper", "--behaviour", "compas-walking"], ["'compas-walking'", "'compass-walking'"]),
-        (["study", "paper", "--behaviour", "hop"], ["the compass walker has no signal 'height'"]),
+        (["trian"], ["'trian'", "'train'"]),
+        (["train", "papr"], ["'papr'", "'paper'"]),
+        (["train", "paper", "--setups", "orthant", "sprase"], ["'sprase'", "'sparse'"]),
+        (["train", "paper", "--semantics", "papr"], ["--semantics", "paper", "released-code"]),
+        (["train", "paper", "--steps", "many"], ["--steps"]),
+        (["train", "paper", "--steps", "0"], ["steps must be at least 1"]),
+        (["train", "paper", "--behaviour", "compas-walking"], ["'compas-walking'", "'compass-walking'"]),
+        (["train", "paper", "--behaviour", "hop"], ["the compass walker has no signal 'height'"]),
         (["format"], ["name at least one file"]),
         (["format", "nowhere.behaviour"], ["nowhere.behaviour", "No such file"]),
         (["table", "nowhere"], ["nowhere is not a folder"]),
@@ -98,7 +99,7 @@ def test_a_mistake_is_one_clear_message_and_status_2(capsys, tmp_path, monkeypat
 
 def test_a_file_that_cannot_be_written_is_named(capsys, tmp_path):
     (tmp_path / "file").write_text("")
-    _, err, status = run(capsys, "study", "demo", "--out", tmp_path / "file" / "run")
+    _, err, status = run(capsys, "train", "demo", "--out", tmp_path / "file" / "run")
     assert status == 2
     assert str(tmp_path / "file") in err
 
@@ -124,29 +125,20 @@ def test_a_reader_who_has_enough_is_not_told_so():
     assert done.stderr == ""
 
 
-def test_a_training_plan_for_the_compass_walker_is_sent_to_the_studies(capsys, tmp_path):
-    plan = tmp_path / "plan.toml"
-    plan.write_text('env = "coachable/CompassWalker-v0"\nbehaviour = "compass-walking"\n')
-    _, err, status = run(capsys, "train", plan, "--out", tmp_path / "run")
-    assert status == 2
-    assert "coachable study" in err
-    assert not (tmp_path / "run").exists()
-
-
 def test_a_description_with_errors_is_said_to_have_them_before_it_is_trained(capsys, tmp_path):
     wrong = tmp_path / "wrong.behaviour"
     wrong.write_text(
         'behaviour "wrong"\nsignals\n  x [m]\nphases\n  a: x > 1, x < 0\n  b: x > 2\ncycle\n  a -> b -> a\n'
     )
-    warn_of_errors(str(wrong))
+    warn_of_errors(load_behaviour(wrong), str(wrong))
     said = capsys.readouterr().err
     assert "has 1 error" in said
     assert f"coachable check {wrong}" in said
-    warn_of_errors("compass-walking")
+    warn_of_errors(load_behaviour("compass-walking"), "compass-walking")
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.parametrize("command", [["study", "plan.toml"], ["train", "--settings", "plan.toml"]])
+@pytest.mark.parametrize("command", [["train", "plan.toml"], ["train", "--settings", "plan.toml"]])
 def test_a_plan_that_is_no_text_is_refused(capsys, tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plan.toml").write_bytes(b"\xff\xfe")
@@ -158,7 +150,7 @@ def test_a_plan_that_is_no_text_is_refused(capsys, tmp_path, monkeypatch, comman
 def test_options_reach_the_plan(capsys, small_run, small_plan):
     options = ["--steps", "7", "--setups", "orthant", "--seeds", "1", "--clock", "touchdown"]
     released = ["--semantics", "released-code", "--reward-variant", "stay"]
-    _, err, status = run(capsys, "study", small_plan, "--out", small_run.path, *options, *released)
+    _, err, status = run(capsys, "train", small_plan, "--out", small_run.path, *options, *released)
     assert status == 2
     for line in ("steps: 1250 → 7", "seeds.count: 2 → 1", "clock: 'free' → 'touchdown'"):
         assert line in err
@@ -168,8 +160,8 @@ def test_options_reach_the_plan(capsys, small_run, small_plan):
     assert "setups.orthant.orthant: 'absent' → 0.01" in err
 
 
-def test_a_finished_study_prints_its_table_and_draws_its_figures(capsys, copied_run, small_plan):
-    for arguments in (["study", small_plan, "--out", copied_run], ["table", copied_run]):
+def test_a_finished_experiment_prints_its_table_and_draws_its_figures(capsys, copied_run, small_plan):
+    for arguments in (["train", small_plan, "--out", copied_run], ["table", copied_run]):
         out, err, status = run(capsys, *arguments)
         assert (status, err) == (0, "")
         assert "forward+orthant" in out

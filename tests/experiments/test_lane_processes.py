@@ -1,4 +1,4 @@
-"""Lanes in processes: all are run, news are heard, and whatever goes wrong stops everything in good order."""
+"""Lanes in processes: all are run, progress are received, and whatever goes wrong stops everything in good order."""
 
 import errno
 import multiprocessing
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from coachable.experiments.lane_processes import News, run_lanes
+from coachable.experiments.trainers.lane_processes import Progress, run_lanes
 from coachable.foundation.errors import PlanError, RunFolderError
 
 
@@ -27,13 +27,13 @@ class Count:
 
     def finished(self):
         done = self.path.exists() and self.path.read_text() == "10"
-        return News(10, {}, True) if done else None
+        return Progress(10, {}, True) if done else None
 
-    def run(self, tell):
+    def run(self, report):
         start = int(self.path.read_text()) if self.path.exists() else 0
         for number in range(start, 10):
             try:
-                tell(News(number, {}, False))
+                report(Progress(number, {}, False))
             except KeyboardInterrupt:
                 self.path.write_text(str(number))
                 raise
@@ -51,18 +51,18 @@ class Count:
                 if self.ends == "told to stop":
                     os.kill(os.getpid(), signal.SIGTERM)
         self.path.write_text("10")
-        tell(News(10, {}, True))
+        report(Progress(10, {}, True))
 
 
 def nothing():
     pass
 
 
-def test_every_lane_is_run_and_its_end_is_heard(tmp_path):
+def test_every_lane_is_run_and_its_end_is_received(tmp_path):
     works = [Count(tmp_path / str(i)) for i in range(3)]
-    heard = {}
-    run_lanes(works, 2, heard.__setitem__, nothing)
-    assert {index: news.done for index, news in heard.items()} == {0: True, 1: True, 2: True}
+    received = {}
+    run_lanes(works, 2, received.__setitem__, nothing)
+    assert {index: progress.done for index, progress in received.items()} == {0: True, 1: True, 2: True}
     assert [work.path.read_text() for work in works] == ["10", "10", "10"]
 
 
@@ -79,21 +79,21 @@ def test_every_lane_is_run_and_its_end_is_heard(tmp_path):
 def test_what_goes_wrong_in_a_lane_is_raised_and_stops_the_others(tmp_path, ends, error, message):
     works = [Count(tmp_path / "bad", ends), Count(tmp_path / "other", "waits")]
     with pytest.raises(error, match=message):
-        run_lanes(works, 2, lambda index, news: None, nothing)
+        run_lanes(works, 2, lambda index, progress: None, nothing)
     assert multiprocessing.active_children() == []
 
 
 def test_ctrl_c_lets_every_lane_save_and_the_next_run_goes_on(tmp_path):
     works = [Count(tmp_path / str(i), "waits") for i in range(2)]
 
-    def interrupt(index, news):
+    def interrupt(index, progress):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         run_lanes(works, 2, interrupt, nothing)
     assert any(work.path.exists() for work in works)
     assert all(int(work.path.read_text()) < 10 for work in works if work.path.exists())
-    run_lanes(works, 2, lambda index, news: None, nothing)
+    run_lanes(works, 2, lambda index, progress: None, nothing)
     assert [work.path.read_text() for work in works] == ["10", "10"]
 
 
@@ -108,16 +108,16 @@ def test_processes_that_are_just_beginning_leave_ctrl_c_to_the_one_that_started_
                 hit.add(process.pid)
                 os.kill(process.pid, signal.SIGINT)
 
-    run_lanes(works, 2, lambda index, news: None, ctrl_c)
+    run_lanes(works, 2, lambda index, progress: None, ctrl_c)
     assert len(hit) == 2
     assert [work.path.read_text() for work in works] == ["10", "10"]
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
-def test_a_lane_that_is_done_is_heard_of_without_a_process(tmp_path):
+def test_a_lane_that_is_done_is_received_of_without_a_process(tmp_path):
     (tmp_path / "done").write_text("10")
-    heard = {}
+    received = {}
     works = [Count(tmp_path / "done", "bug"), Count(tmp_path / "other")]
-    run_lanes(works, 1, heard.__setitem__, nothing)
-    assert heard[0] == News(10, {}, True)
-    assert heard[1].done
+    run_lanes(works, 1, received.__setitem__, nothing)
+    assert received[0] == Progress(10, {}, True)
+    assert received[1].done

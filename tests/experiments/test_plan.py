@@ -1,25 +1,34 @@
 """A plan survives being written, says what is wrong with it, and knows what its semantics imply."""
 
-import tomllib
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from coachable.behaviours import load_behaviour
 from coachable.behaviours.text.printer import to_text
-from coachable.experiments.plan import Study, behaviour_of, differences, load_plan, parse_plan, shipped_plans
-from coachable.foundation.errors import BehaviourError, PlanError
-from coachable.foundation.toml_writer import toml_text
+from coachable.envs.problem import EnvironmentProblem, PlantProblem
+from coachable.experiments.experiment import Experiment, differences
+from coachable.experiments.plan import (
+    load_plan,
+    parse_plan,
+    shipped_plans,
+    shipped_settings,
+    trainer_settings,
+)
+from coachable.experiments.trainers.ppo import PPO
+from coachable.experiments.trainers.stable_baselines3 import StableBaselines3
+from coachable.foundation.errors import BehaviourError, ParameterError, PlanError
 from coachable.learning.config import PPOConfig
 from coachable.plants.compass import CompassParameters
-from coachable.rewards.setup import PAPER_SETUPS, RewardSetup
+from coachable.rewards.setup import PAPER_SETUPS, DescribedSetup, RewardSetup
+
+WALKING = load_behaviour("compass-walking")
 
 names = st.from_regex(r"[A-Za-z0-9_+-]{1,12}", fullmatch=True)
 finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
 positive = st.floats(min_value=1e-3, max_value=1e3)
 setups = st.builds(RewardSetup, names, *[finite] * 5)
-study_fields = st.fixed_dictionaries(
+plan_fields = st.fixed_dictionaries(
     {
         "name": names,
         "semantics": st.sampled_from(["paper", "released-code"]),
@@ -42,33 +51,31 @@ study_fields = st.fixed_dictionaries(
         ),
     }
 )
-values = st.recursive(
-    st.booleans() | st.integers(-(2**63), 2**63 - 1) | finite | st.text(st.characters(codec="utf-8")),
-    lambda inner: st.lists(inner, max_size=3),
-)
-tables = st.recursive(
-    st.dictionaries(st.text(st.characters(codec="utf-8"), max_size=5), values, max_size=4),
-    lambda inner: st.dictionaries(st.text(max_size=5), values | inner, max_size=3),
-)
 
 
-@given(tables)
-def test_toml_that_we_write_is_read_back_as_it_was(data):
-    assert tomllib.loads(toml_text(data)) == data
+def experiment_of(fields):
+    """An experiment with a plant, from the fields of its plan."""
+    problem = PlantProblem(
+        behaviour=WALKING, **{key: fields[key] for key in ("semantics", "reward_variant", "clock", "plant")}
+    )
+    rest = {
+        key: fields[key] for key in ("name", "steps", "evaluate_every", "first_seed", "num_seeds", "setups")
+    }
+    return Experiment(problem=problem, trainer=PPO(fields["ppo"]), described_by=fields["behaviour"], **rest)
 
 
-@given(study_fields)
+@given(plan_fields)
 def test_a_written_plan_is_the_same_plan(fields):
-    study = Study(**fields)
-    text = study.to_toml()
-    again = parse_plan(text, "plan.toml")
-    assert again == study
+    experiment = experiment_of(fields)
+    text = experiment.to_toml()
+    again = parse_plan(text, "plan.toml", behaviour=WALKING)
+    assert again == experiment
     assert again.to_toml() == text
 
 
-@given(study_fields, study_fields, st.sets(st.sampled_from(["name", "steps", "setups", "plant", "clock"])))
+@given(plan_fields, plan_fields, st.sets(st.sampled_from(["name", "steps", "setups", "plant", "clock"])))
 def test_plans_differ_exactly_where_their_differences_say(fields, others, changed):
-    one, other = Study(**fields), Study(**fields | {key: others[key] for key in changed})
+    one, other = experiment_of(fields), experiment_of(fields | {key: others[key] for key in changed})
     assert bool(differences(one, other)) == (one != other)
     assert {line.split(":")[0].split(".")[0] for line in differences(one, other)} <= changed
 
@@ -83,7 +90,16 @@ def test_differences_name_the_key_and_both_values():
 def test_the_plans_that_ship_are_the_papers():
     assert shipped_plans() == ["certifiable", "demo", "paper", "paper-100"]
     paper, hundred = load_plan("paper"), load_plan("paper-100")
-    assert paper == Study(name="paper")
+    assert paper == Experiment(
+        name="paper",
+        problem=PlantProblem(behaviour=WALKING),
+        setups=tuple(PAPER_SETUPS.values()),
+        trainer=PPO(),
+        described_by="compass-walking",
+        steps=500_000,
+        evaluate_every=10_000,
+        num_seeds=15,
+    )
     assert paper.setups == tuple(PAPER_SETUPS.values())
     assert (len(paper.lanes), paper.num_updates) == (60, 245)
     assert len(hundred.lanes) == 400
@@ -92,25 +108,31 @@ def test_the_plans_that_ship_are_the_papers():
 
 
 def test_the_released_code_brings_its_own_reward_and_behaviour():
-    study = load_plan("paper", semantics="released-code")
-    assert (study.reward_variant, study.behaviour) == ("released", "compass-walking-released")
-    assert study.distance == "foot_x"
-    said = load_plan("paper", semantics="released-code", reward_variant="stay")
-    assert (said.reward_variant, said.behaviour) == ("stay", "compass-walking-released")
+    released = load_plan("paper", semantics="released-code")
+    assert (released.problem.reward_variant, released.described_by) == (
+        "released",
+        "compass-walking-released",
+    )
+    assert released.problem.distance == "foot_x"
+    given = load_plan("paper", semantics="released-code", reward_variant="stay")
+    assert (given.problem.reward_variant, given.described_by) == ("stay", "compass-walking-released")
 
 
 def test_options_win_over_the_file_and_the_file_over_the_defaults():
     text = 'name = "mine"\nsteps = 7\nclock = "touchdown"\n[ppo]\nn_steps = 128\n[seeds]\nfirst = 3\n'
-    study = parse_plan(text, "mine.toml", steps=9, seeds=2)
-    assert (study.steps, study.clock, study.semantics) == (9, "touchdown", "paper")
-    assert study.ppo == PPOConfig(n_steps=128)
-    assert list(study.seeds) == [3, 4]
+    experiment = parse_plan(text, "mine.toml", steps=9, seeds=2)
+    problem = experiment.problem
+    assert (experiment.steps, problem.clock, problem.semantics) == (9, "touchdown", "paper")
+    assert experiment.trainer == PPO(PPOConfig(n_steps=128))
+    assert list(experiment.seeds) == [3, 4]
 
 
 def test_a_setup_of_ones_own_needs_only_its_weights():
     text = 'name = "mine"\n[setups.eager]\nforward = 1\n[setups.orthant]\northant = 0.02\n'
-    study = parse_plan(text, "mine.toml")
-    assert study.setups == (RewardSetup("eager", forward=1.0), RewardSetup("orthant", orthant=0.02))
+    assert parse_plan(text, "mine.toml").setups == (
+        RewardSetup("eager", forward=1.0),
+        RewardSetup("orthant", orthant=0.02),
+    )
     assert parse_plan(text, "mine.toml", setups=["sparse", "eager"]).setups == (
         PAPER_SETUPS["sparse"],
         RewardSetup("eager", forward=1.0),
@@ -164,13 +186,149 @@ def test_a_plan_without_a_name_and_a_plan_that_is_not_there():
 def test_a_plan_names_a_behaviour_that_ships_or_a_file_beside_it(tmp_path):
     plan = tmp_path / "mine.toml"
     plan.write_text('name = "mine"\nbehaviour = "walk.behaviour"\n', encoding="utf-8")
-    assert load_plan(plan).behaviour == str(tmp_path / "walk.behaviour")
-    assert load_plan(plan, behaviour="other.behaviour").behaviour == "other.behaviour"
-    with pytest.raises(BehaviourError, match="neither a behaviour that ships nor a file"):
-        behaviour_of(load_plan(plan))
-    (tmp_path / "walk.behaviour").write_text(to_text(load_behaviour("compass-walking")), encoding="utf-8")
-    assert behaviour_of(load_plan(plan)) == load_behaviour("compass-walking")
+    with pytest.raises(BehaviourError, match=r"walk\.behaviour.*neither a behaviour that ships nor a file"):
+        load_plan(plan)
+    (tmp_path / "walk.behaviour").write_text(to_text(WALKING), encoding="utf-8")
+    assert load_plan(plan).behaviour == WALKING
+    assert load_plan(plan).described_by == str(tmp_path / "walk.behaviour")
     plan.write_text('name = "mine"\nbehaviour = "compass-walking-five-phases"\n', encoding="utf-8")
-    assert behaviour_of(load_plan(plan)) == load_behaviour("compass-walking-five-phases")
+    assert load_plan(plan).behaviour == load_behaviour("compass-walking-five-phases")
     with pytest.raises(PlanError, match="the compass walker has no signal 'height'"):
-        behaviour_of(load_plan(plan, behaviour="hop"))
+        load_plan(plan, behaviour="hop")
+
+
+ENVIRONMENT = """
+name = "mine"
+env = "Pendulum-v1"
+behaviour = "hop"
+steps = 5000
+[seeds]
+first = 7
+count = 2
+[signals]
+height = 0
+speed = "speed"
+[setups.alone]
+weight = 0
+[setups.both]
+weight = 0.5
+append_phase = true
+[setups.described]
+terms = { reward_survive = 1 }
+[sb3]
+n_steps = 512
+[sb3.policy_kwargs]
+net_arch = [32, 32]
+"""
+
+
+def test_a_plan_for_an_environment_has_defaults_for_the_rest():
+    experiment = parse_plan(ENVIRONMENT, "mine.toml")
+    assert isinstance(experiment.problem, EnvironmentProblem)
+    assert experiment.seeds == range(7, 9)
+    assert [setup.weight for setup in experiment.setups] == [0.0, 0.5, 1.0]
+    assert experiment.setup("both").append_phase
+    assert experiment.setup("described").terms == {"reward_survive": 1}
+    assert experiment.trainer.name == "sb3-ppo"
+    assert experiment.evaluation_episodes == 5
+    assert experiment.total_steps == 5120  # ten updates
+    assert [lane.name for lane in experiment.lanes][:3] == ["alone-7", "both-7", "described-7"]
+
+
+def test_the_resolved_plan_of_an_environment_reads_back_as_itself():
+    experiment = parse_plan(ENVIRONMENT, "mine.toml")
+    assert parse_plan(experiment.to_toml(), "plan.toml") == experiment
+
+
+def test_options_of_an_environment_may_be_whatever_toml_has():
+    options = """
+env_options = { day = 2020-01-31, at = 07:32:00, lanes = [{ width = 3.5, marks = ["a"] }, {}], on = true }
+"""
+    experiment = parse_plan(options + ENVIRONMENT, "plan")
+    assert experiment.problem.env_options["lanes"] == [{"width": 3.5, "marks": ["a"]}, {}]
+    assert parse_plan(experiment.to_toml(), "again") == experiment
+
+
+def test_options_replace_what_a_plan_for_an_environment_says():
+    experiment = parse_plan(
+        ENVIRONMENT, "mine.toml", seeds=1, weight=2.0, trainer="sb3-sac", settings={"batch_size": 32}
+    )
+    assert len(experiment.seeds) == 1
+    assert {setup.weight for setup in experiment.setups} == {2.0}
+    settings = {"n_steps": 512, "policy_kwargs": {"net_arch": [32, 32]}, "batch_size": 32}
+    assert experiment.trainer == StableBaselines3("sb3-sac", settings)
+    assert experiment.total_steps == 5000
+
+
+def test_options_alone_are_a_plan():
+    experiment = load_plan(None, env="Walker2d-v5", behaviour="perry-gait", steps=100)
+    assert (experiment.name, experiment.setups) == ("Walker2d-v5", (DescribedSetup(name="both"),))
+
+
+def test_the_compass_walkers_environment_is_the_plant():
+    experiment = load_plan(None, env="coachable/CompassWalker-v0", trainer="sb3-ppo", seeds=2)
+    assert isinstance(experiment.problem, PlantProblem)
+    assert experiment.name == "CompassWalker-v0"
+    assert [lane.name for lane in experiment.lanes] == ["orthant-0", "orthant-1"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('env = "A-v0"', "which behaviour"),
+        ('env = "A-v0"\nbehaviour = "hop"\nsteps = 0', "steps must be at least 1"),
+        ('env = "A-v0"\nbehaviour = "hop"\nstep = 1', "unknown key 'step'; did you mean 'steps'"),
+        ('env = "A-v0"\nbehaviour = "hop"\ntrainer = "ppo"', "take sb3-ppo"),
+        ('env = "A-v0"\nbehaviour = "hop"\ntrainer = "sb3-poo"', "did you mean 'sb3-ppo'"),
+        ('env = "A-v0"\nbehaviour = "hop"\ntrainer = "json:loads"', "cannot be made"),
+        ('env = "A-v0"\nbehaviour = "hop"\nclock = "free"', "clock is for plants"),
+        ('name = "a"\nevaluation_episodes = 3', "evaluation_episodes is for Gymnasium environments"),
+        ('env = "A-v0"\nbehaviour = "hop"\n[setups.a]\nweigth = 1', r"setups\.a\.weigth"),
+        (
+            'env = "A-v0"\nbehaviour = "hop"\n[setups.a]\nweight = "much"',
+            r"setups\.a\.weight must be a number",
+        ),
+        (
+            'env = "A-v0"\nbehaviour = "hop"\n[setups.a]\nterms = { x = "y" }',
+            r"setups\.a\.terms\.x must be a number",
+        ),
+        ('env = "A-v0"\nbehaviour = "hop"\n[setups.a]\nreward_variant = "sty"', "stay"),
+        ('env = "A-v0"\nbehaviour = "hop"\n[setups."a/b"]', "it names files"),
+        ('env = "A-v0"\nbehaviour = "hop"\n[sb3]\nn_steps = 0.5', "whole number, at least 1"),
+        (
+            'env = "A-v0"\nbehaviour = "hop"\n[ppo]\nn_steps = 64',
+            "the table ppo is not for trainer = 'sb3-ppo'",
+        ),
+        (
+            'env = "A-v0"\nbehaviour = "hop"\n[seeds]\nfirst = 500_000\ncount = 1',
+            "seeds must be less than 500,000, got 500,000",
+        ),
+        ("env = ", "is not TOML"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_with_the_key(text, message):
+    with pytest.raises(PlanError, match=message):
+        parse_plan(text, "plan.toml")
+
+
+def test_a_weight_that_is_no_number_is_refused():
+    with pytest.raises(ParameterError, match="weight must be a finite number"):
+        DescribedSetup(name="a", weight=float("nan"))
+
+
+@pytest.mark.parametrize("name", shipped_settings())
+def test_settings_that_ship_are_settings_of_their_trainer(name):
+    sb3 = pytest.importorskip("coachable.learning.sb3")
+    sb3.check_settings(f"sb3-{name.partition('-')[0]}", trainer_settings(name))
+
+
+def test_settings_that_do_not_exist_are_refused_with_the_nearest():
+    with pytest.raises(PlanError, match="ppo-walker2d"):
+        trainer_settings("ppo-walker")
+
+
+def test_without_stable_baselines3_the_error_names_the_extra(monkeypatch):
+    monkeypatch.setattr("coachable.experiments.trainers.stable_baselines3.find_spec", lambda package: None)
+    experiment = parse_plan(ENVIRONMENT, "mine.toml")
+    with pytest.raises(PlanError, match=r"pip install 'coachable\[sb3\]'"):
+        experiment.trainer.check(experiment)

@@ -8,27 +8,29 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 
 from coachable.behaviours import load_behaviour
 from coachable.behaviours.text.parser import parse
 from coachable.behaviours.text.printer import to_text
-from coachable.experiments.plan import behaviour_of, load_plan, with_options
+from coachable.experiments.plan import load_plan, with_options
 from coachable.experiments.run_folder.lock import locked
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.run_folder.writer import RunFolder
-from coachable.experiments.runner import run_study
+from coachable.experiments.runner import run_experiment
 from coachable.foundation.errors import RunFolderError
 
 COMMAND_LINE_THAT_KILLS_ITSELF = """
 import os, signal, sys
 from coachable import cli
-from coachable.cli import studies
-from coachable.experiments import group, survival
+from coachable.cli import experiments as commands
+from coachable.experiments import survival
+from coachable.experiments.trainers import lane_batch
 
 name, times, seconds_between_checkpoints, *arguments = sys.argv[1:]
-group.SECONDS_BETWEEN_CHECKPOINTS = float(seconds_between_checkpoints)
+lane_batch.SECONDS_BETWEEN_CHECKPOINTS = float(seconds_between_checkpoints)
 survival.NUM_STARTS = 20
 left = int(times)
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -42,7 +44,7 @@ def replace(source, target):
     really_replace(source, target)
 
 os.replace = replace
-studies.table = lambda run: None
+commands.table = lambda run: None
 cli.main(arguments)
 """
 
@@ -56,7 +58,7 @@ def study(small_plan, cache_folder):
     started = []
 
     def study(out, name="no such file", times=1, seconds_between_checkpoints=0.0):
-        arguments = (name, times, seconds_between_checkpoints, "study", small_plan, "--out", out)
+        arguments = (name, times, seconds_between_checkpoints, "train", small_plan, "--out", out)
         command = [sys.executable, "-c", COMMAND_LINE_THAT_KILLS_ITSELF, *map(str, arguments)]
         environment = os.environ | {"XDG_CACHE_HOME": str(cache_folder)}
         started.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment))
@@ -95,7 +97,7 @@ def test_killed_at_any_moment_the_same_command_ends_with_the_same_bits(tmp_path,
     assert not (out / "manifest.json").exists()
 
     in_training = study(out)
-    wait_for(out / "checkpoints" / "group-000.safetensors", in_training)
+    wait_for(out / "checkpoints" / "batch-000.safetensors", in_training)
     in_training.kill()
     in_training.wait()
     assert Run.open(out).status == "running"
@@ -112,12 +114,12 @@ def test_killed_at_any_moment_the_same_command_ends_with_the_same_bits(tmp_path,
 def test_ctrl_c_saves_everything_and_says_how_to_go_on(tmp_path, study, small_run, small_plan):
     out = tmp_path / "run"
     process = study(out)
-    wait_for(out / "checkpoints" / "group-000.safetensors", process)
+    wait_for(out / "checkpoints" / "batch-000.safetensors", process)
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=200)
     assert process.returncode == 130, said
     assert "Traceback" not in said
-    assert shlex.join(["coachable", "study", str(small_plan), "--out", str(out)]) in said
+    assert shlex.join(["coachable", "train", str(small_plan), "--out", str(out)]) in said
     run = Run.open(out)
     assert run.status == "interrupted"
     assert set(run.columns("evaluations")["lane"]) <= {lane.name for lane in run.lanes}
@@ -140,7 +142,7 @@ def test_ctrl_c_saves_everything_and_says_how_to_go_on(tmp_path, study, small_ru
 
 def test_a_finished_run_is_checked_and_left_alone(small_run, small_plan):
     before = {path: path.stat().st_mtime_ns for path in small_run.path.rglob("*") if path.is_file()}
-    again = run_study(load_plan(small_plan), small_run.path, progress=False)
+    again = run_experiment(load_plan(small_plan), small_run.path, progress=False)
     assert again.manifest == small_run.manifest
     assert before == {path: path.stat().st_mtime_ns for path in small_run.path.rglob("*") if path.is_file()}
 
@@ -150,13 +152,13 @@ def test_a_finished_run_with_a_damaged_file_is_not_called_finished(small_run, sm
     policy = copied / "policies" / "sparse-4-best.safetensors"
     policy.write_bytes(policy.read_bytes()[::-1])
     with pytest.raises(RunFolderError, match=r"sparse-4-best\.safetensors is damaged"):
-        run_study(load_plan(small_plan), copied, progress=False)
+        run_experiment(load_plan(small_plan), copied, progress=False)
 
 
 def test_a_folder_of_another_plan_is_refused_with_the_difference(small_run, small_plan):
     other = with_options(load_plan(small_plan), steps=2000, setups=["sparse"])
     with pytest.raises(RunFolderError) as error:
-        run_study(other, small_run.path, progress=False)
+        run_experiment(other, small_run.path, progress=False)
     assert "steps: 1250 → 2000" in str(error.value)
     assert "setups.forward+orthant.orthant: 0.005 → 'absent'" in str(error.value)
 
@@ -164,13 +166,13 @@ def test_a_folder_of_another_plan_is_refused_with_the_difference(small_run, smal
 def test_a_folder_of_something_else_is_left_alone(tmp_path, small_plan):
     (tmp_path / "thesis.tex").write_text("…")
     with pytest.raises(RunFolderError, match=r"thesis\.tex"):
-        run_study(load_plan(small_plan), tmp_path, progress=False)
+        run_experiment(load_plan(small_plan), tmp_path, progress=False)
     assert os.listdir(tmp_path) == ["thesis.tex"]
 
 
 def test_a_folder_that_is_being_written_is_refused(small_run, small_plan, tmp_path):
     with locked(tmp_path), pytest.raises(RunFolderError, match=f"process {os.getpid()}"):
-        run_study(load_plan(small_plan), tmp_path, progress=False)
+        run_experiment(load_plan(small_plan), tmp_path, progress=False)
 
 
 def test_other_versions_are_refused_or_recorded(small_run, small_plan, tmp_path):
@@ -179,31 +181,31 @@ def test_other_versions_are_refused_or_recorded(small_run, small_plan, tmp_path)
     manifest["status"], manifest["files"] = "running", {}
     manifest["versions"]["jaxlib"] = "0.0.1"
     (copied / "manifest.json").write_text(json.dumps(manifest))
-    study, behaviour = load_plan(small_plan), load_behaviour("compass-walking")
+    experiment = load_plan(small_plan)
     with pytest.raises(RunFolderError, match=r"jaxlib: 0\.0\.1 → .*(\n.*)*--allow-different-layout"):
-        RunFolder.resume(Run.open(copied), study, behaviour, allow_different_layout=False)
-    RunFolder.resume(Run.open(copied), study, behaviour, allow_different_layout=True)
+        RunFolder.resume(Run.open(copied), experiment, allow_different_layout=False)
+    RunFolder.resume(Run.open(copied), experiment, allow_different_layout=True)
     recorded = Run.open(copied).manifest["resumed_under"]
     assert [then["versions"]["jaxlib"] for then in recorded] == [small_run.manifest["versions"]["jaxlib"]]
-    RunFolder.resume(Run.open(copied), study, behaviour, allow_different_layout=False)
+    RunFolder.resume(Run.open(copied), experiment, allow_different_layout=False)
 
 
 def test_another_description_under_the_same_name_is_refused(small_run, small_plan):
-    released = load_behaviour("compass-walking-released")
+    experiment = load_plan(small_plan)
+    released = replace(experiment.problem, behaviour=load_behaviour("compass-walking-released"))
     with pytest.raises(RunFolderError, match="another description of 'compass-walking'"):
-        RunFolder.resume(small_run, load_plan(small_plan), released, allow_different_layout=False)
+        RunFolder.resume(small_run, replace(experiment, problem=released))
 
 
 def test_the_text_of_the_description_counts_and_not_where_it_lies(small_run, small_plan, tmp_path):
     copied = shutil.copytree(small_run.path, tmp_path / "run")
     assert parse((copied / "behaviour.behaviour").read_text(encoding="utf-8")) == small_run.behaviour
     path = tmp_path / "walk.behaviour"
-    study = load_plan(small_plan, behaviour=str(path))
     path.write_text("# mine\n" + to_text(small_run.behaviour), encoding="utf-8")
-    folder = RunFolder.resume(Run.open(copied), study, behaviour_of(study), allow_different_layout=False)
+    folder = RunFolder.resume(Run.open(copied), load_plan(small_plan, behaviour=str(path)))
     assert folder.manifest["status"] == "complete"
     path.write_text(
         to_text(small_run.behaviour).replace("swing leg comes back", "it comes"), encoding="utf-8"
     )
     with pytest.raises(RunFolderError, match=r"behaviour: 'compass-walking' → .*walk\.behaviour"):
-        RunFolder.resume(Run.open(copied), study, behaviour_of(study), allow_different_layout=False)
+        RunFolder.resume(Run.open(copied), load_plan(small_plan, behaviour=str(path)))

@@ -10,7 +10,7 @@ import pytest
 import coachable as co
 from coachable.experiments import runner
 from coachable.experiments.run_folder.reader import Run
-from coachable.experiments.run_folder.schemas import SCHEMAS
+from coachable.experiments.run_folder.schemas import schemas
 from coachable.foundation.errors import RunFolderError
 from coachable.plants.compass import STATE_NAMES
 from coachable.rewards.setup import TERM_NAMES
@@ -26,7 +26,7 @@ def copied_run(small_run, tmp_path):
 
 def test_a_study_leaves_jax_as_it_was(small_plan, tmp_path, monkeypatch):
     """Its own cache of programs is not that of the program that calls it."""
-    monkeypatch.setattr(runner, "walk_baseline", lambda study, behaviour: ({}, None))
+    monkeypatch.setattr(runner, "roll_out_baseline", lambda experiment: ({}, None))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     within = []
 
@@ -37,7 +37,7 @@ def test_a_study_leaves_jax_as_it_was(small_plan, tmp_path, monkeypatch):
     monkeypatch.setattr(runner, "_train", stopped)
     before = dict(jax.config.values)
     with pytest.raises(KeyboardInterrupt):
-        co.study(small_plan, tmp_path / "run", progress=False)
+        co.train(small_plan, tmp_path / "run", progress=False)
     assert within[0]["jax_compilation_cache_dir"] == str(tmp_path / "cache" / "coachable" / "jax")
     assert dict(jax.config.values) == before
 
@@ -52,17 +52,17 @@ def test_the_folder_is_complete_and_holds_nothing_else(small_run):
         for w in ("last", "best")
         for e in ("safetensors", "json")
     }
-    tables = {f"{name}.parquet" for name in SCHEMAS}
+    tables = {f"{name}.parquet" for name in schemas(small_run.experiment.problem)}
     assert files == {"plan.toml", "manifest.json", "behaviour.behaviour", "automaton.svg", *tables, *policies}
     assert small_run.status == "complete"
-    assert small_run.manifest["format_version"] == 1
+    assert small_run.manifest["format_version"] == 2
     assert set(small_run.manifest["files"]) == files - {"manifest.json"}
-    assert sum(small_run.manifest["device_layout"]["group_widths"]) == 4
+    assert sum(small_run.manifest["device_layout"]["batch_sizes"]) == 4
     assert [lane.name for lane in small_run.lanes] == list(LANES)
 
 
 def test_tables_have_their_columns_and_every_lane(small_run):
-    for name, schema in SCHEMAS.items():
+    for name, schema in schemas(small_run.experiment.problem).items():
         table = small_run.table(name)
         assert table.schema.equals(schema, check_metadata=True)
         lanes = list(dict.fromkeys(table["lane"].to_pylist()))
@@ -93,7 +93,7 @@ def test_evaluations_trajectories_and_policies_tell_the_same_walk(small_run, whi
         returns = evaluations["return"][rows]
         row = rows[-1] if which == "last" else rows[np.argmax(returns)]
         walk = small_run.trajectory(lane.setup, lane.seed, which)
-        setup = next(setup for setup in small_run.plan.setups if setup.name == lane.setup)
+        setup = small_run.experiment.setup(lane.setup)
         sums = [walk[name].sum(dtype=float) for name in TERM_NAMES]
         assert len(walk["t"]) == evaluations["length"][row] + 1
         assert walk["foot_x"][-1] == evaluations["foot_x"][row]
@@ -169,8 +169,8 @@ def test_a_damaged_file_is_named(copied_run, name, damage):
 def test_a_manifest_of_another_format_or_in_pieces_is_refused(copied_run):
     manifest = copied_run / "manifest.json"
     text = manifest.read_text()
-    manifest.write_text(json.dumps(json.loads(text) | {"format_version": 2}))
-    with pytest.raises(RunFolderError, match="format_version 2"):
+    manifest.write_text(json.dumps(json.loads(text) | {"format_version": 3}))
+    with pytest.raises(RunFolderError, match="format_version 3"):
         Run.open(copied_run)
     manifest.write_text(json.dumps({"format_version": 1}))
     with pytest.raises(RunFolderError, match=r"manifest\.json is damaged: it lacks 'status'"):

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from coachable.experiments.workers import take_turns
+from coachable.experiments.trainers.workers import take_turns
 
 
 class Counting:

@@ -9,7 +9,7 @@ import numpy as np
 
 from coachable.analysis.intervals import Estimate, estimate, mean
 from coachable.analysis.training_table import by_seed, cell, heading, tell_table
-from coachable.experiments.run_folder.reader import TrainingRun
+from coachable.experiments.run_folder.reader import Run
 
 MEASURES = {
     "environment": ("environment's return", 1.0),
@@ -35,13 +35,13 @@ NOTE = (
 )
 
 
-def tell_gaits(run: TrainingRun, speed: float, folder: Path) -> None:
+def tell_gaits(run: Run, speed: float, folder: Path) -> None:
     """Print the table of the gaits in `gaits.parquet`, and write it as Markdown.
 
     **Arguments:** `speed`, for how soon it was reached in the evaluations [m/s].
     """
-    gaits = run.gaits()
-    names = [setup.name for setup in run.plan.setups]
+    gaits = run.columns("gaits")
+    names = [setup.name for setup in run.experiment.setups]
     table = [["gaits of the seeds", *(_gaits(run, gaits, name) for name in names)]]
     for measure, (title, factor) in MEASURES.items():
         if not np.isnan(gaits[measure].astype(float)).all():
@@ -92,23 +92,23 @@ def _lane(gaits: dict[str, np.ndarray], lane: str) -> list[str]:
     return [lane, ", ".join(f"{count} {word}" for word, count in words), *cells]
 
 
-def _gaits(run: TrainingRun, gaits: dict[str, np.ndarray], setup: str) -> str:
+def _gaits(run: Run, gaits: dict[str, np.ndarray], setup: str) -> str:
     """How many seeds do what; a seed does what most of its episodes show, of several as many the first."""
     usual = Counter()
-    for seed in run.plan.seeds:
+    for seed in run.experiment.seeds:
         mine = gaits["gait"][gaits["lane"] == run.lane(setup, seed).name]
         usual[Counter(mine.tolist()).most_common(1)[0][0]] += 1
     return ", ".join(f"{count} {word}" for word, count in usual.most_common())
 
 
-def _over_seeds(run: TrainingRun, gaits: dict[str, np.ndarray], setup: str, measure: str) -> Estimate:
+def _over_seeds(run: Run, gaits: dict[str, np.ndarray], setup: str, measure: str) -> Estimate:
     """The mean over seeds of the mean over those of their episodes that have the measure."""
     values = gaits[measure].astype(float)
-    mine = [values[gaits["lane"] == run.lane(setup, seed).name] for seed in run.plan.seeds]
+    mine = [values[gaits["lane"] == run.lane(setup, seed).name] for seed in run.experiment.seeds]
     return estimate(mean, np.array([np.nanmean(each) for each in mine if not np.isnan(each).all()], float))
 
 
-def _reached(run: TrainingRun, setup: str, metres_a_step: float) -> str:
+def _reached(run: Run, setup: str, metres_a_step: float) -> str:
     """After how many thousand steps the evaluations were so fast, and of how many seeds."""
     steps, distance = by_seed(run, setup, "distance")
     _, length = by_seed(run, setup, "length")

@@ -10,7 +10,8 @@ import numpy as np
 import pyarrow as pa
 from jaxtyping import Bool, Float, Int
 
-from coachable.experiments.run_folder.reader import Lane, Run, Study
+from coachable.experiments.experiment import Experiment, Lane
+from coachable.experiments.run_folder.reader import Run
 from coachable.foundation.errors import RunFolderError
 
 WATCHED_SECONDS = 100.0
@@ -139,11 +140,13 @@ def measure(run: Run) -> Measurements:
     **Raises:** `RunFolderError` if a table is missing or damaged, or the study has not ended.
     """
     survival = run.table("survival") if (run.path / "survival.parquet").exists() else None
-    return measure_tables(run.plan, run.baseline, run.table("evaluations"), run.table("episodes"), survival)
+    return measure_tables(
+        run.experiment, _baseline(run), run.table("evaluations"), run.table("episodes"), survival
+    )
 
 
 def measure_tables(
-    plan: Study,
+    experiment: Experiment,
     baseline: Mapping[str, Any],
     evaluations: pa.Table,
     episodes: pa.Table,
@@ -157,9 +160,9 @@ def measure_tables(
     **Raises:** `RunFolderError`, naming the lane, if one lacks evaluations that others have or has no
     finished training episode.
     """
-    tables = _Tables.of(plan, evaluations, episodes, survival)
-    _require_all_evaluations(tables.evaluated, plan.lanes)
-    return _measured(plan, baseline, tables, plan.lanes, plan.steps)
+    tables = _Tables.of(experiment, evaluations, episodes, survival)
+    _require_all_evaluations(tables.evaluated, experiment.lanes)
+    return _measured(experiment, baseline, tables, experiment.lanes, experiment.steps)
 
 
 def measure_so_far(run: Run) -> Measurements:
@@ -170,7 +173,7 @@ def measure_so_far(run: Run) -> Measurements:
 
     **Raises:** `RunFolderError` if a table is missing or damaged, or no lane has been evaluated yet.
     """
-    tables = _Tables.of(run.plan, run.table("evaluations"), run.table("episodes"), None)
+    tables = _Tables.of(run.experiment, run.table("evaluations"), run.table("episodes"), None)
     begun = [lane for lane in run.lanes if lane.name in tables.evaluated and lane.name in tables.trained]
     if not begun:
         raise RunFolderError(f"{run.path}: no lane has been evaluated yet; wait, and try again")
@@ -183,8 +186,18 @@ def measure_so_far(run: Run) -> Measurements:
     }
     reached = int(cut[lanes[0].name]["step"][-1])
     return _measured(
-        run.plan, run.baseline, replace(tables, evaluated=cut), lanes, min(reached, run.plan.steps)
+        run.experiment,
+        _baseline(run),
+        replace(tables, evaluated=cut),
+        lanes,
+        min(reached, run.experiment.steps),
     )
+
+
+def _baseline(run: Run) -> Mapping[str, Any]:
+    if run.baseline is None:
+        raise RunFolderError(f"{run.path}: {run.experiment.problem.robot} has no baseline to measure against")
+    return run.baseline
 
 
 Columns = dict[str, np.ndarray]
@@ -199,17 +212,21 @@ class _Tables:
     watched: Mapping[str, Columns]
 
     @staticmethod
-    def of(plan: Study, evaluations: pa.Table, episodes: pa.Table, survival: pa.Table | None) -> _Tables:
+    def of(
+        experiment: Experiment, evaluations: pa.Table, episodes: pa.Table, survival: pa.Table | None
+    ) -> _Tables:
+        distance = experiment.require_plant("a study's table").distance
         return _Tables(
-            _by_lane(evaluations, "step", ("step", plan.distance, "fell", "share_in_cycle")),
+            _by_lane(evaluations, "step", ("step", distance, "fell", "share_in_cycle")),
             _by_lane(episodes, "end_step", ("end_step", "return")),
             {} if survival is None else _by_lane(survival, "lane", ("seconds_up", "perturbed_up")),
         )
 
 
 def _measured(
-    plan: Study, baseline: Mapping[str, Any], tables: _Tables, lanes: Sequence[Lane], steps: int
+    experiment: Experiment, baseline: Mapping[str, Any], tables: _Tables, lanes: Sequence[Lane], steps: int
 ) -> Measurements:
+    problem = experiment.require_plant("a study's table")
     evaluated_at = tables.evaluated[lanes[0].name]["step"]
     checkpoints = evaluated_at[evaluated_at <= steps] if evaluated_at[0] <= steps else evaluated_at
     grid = np.arange(GRID_STEPS, max(steps, GRID_STEPS) + 1, GRID_STEPS)
@@ -219,7 +236,7 @@ def _measured(
         names = [lane.name for lane in own]
         evaluation = {
             column: _stack(tables.evaluated, names, column)
-            for column in (plan.distance, "fell", "share_in_cycle")
+            for column in (problem.distance, "fell", "share_in_cycle")
         }
         up = {column: _stack(tables.watched, names, column) for column in ("seconds_up", "perturbed_up")}
         baseline_return = float(baseline["returns"][name])
@@ -229,10 +246,10 @@ def _measured(
         return SetupRuns(
             name=name,
             seeds=np.array([lane.seed for lane in own]),
-            distance=evaluation[plan.distance][:, : len(checkpoints)],
+            distance=evaluation[problem.distance][:, : len(checkpoints)],
             fell=evaluation["fell"][:, : len(checkpoints)].astype(bool),
             share_in_cycle=evaluation["share_in_cycle"][:, : len(checkpoints)],
-            final_distance=evaluation[plan.distance][:, -1],
+            final_distance=evaluation[problem.distance][:, -1],
             final_fell=evaluation["fell"][:, -1].astype(bool),
             final_share_in_cycle=evaluation["share_in_cycle"][:, -1],
             returns=np.stack([_last_finished(*episode, grid) for episode in zip(ends, returns, strict=True)]),
@@ -243,12 +260,12 @@ def _measured(
         )
 
     return Measurements(
-        name=plan.name,
-        semantics=plan.semantics,
+        name=experiment.name,
+        semantics=problem.semantics,
         steps=steps,
         checkpoints=checkpoints.astype(int),
         grid=grid,
-        baseline_distance=float(baseline[plan.distance]),
+        baseline_distance=float(baseline[problem.distance]),
         setups=tuple(setup_runs(name) for name in dict.fromkeys(lane.setup for lane in lanes)),
     )
 

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from coachable.analysis.figures import WIDTH
 from coachable.analysis.intervals import Estimate, estimate, interval, mean
-from coachable.experiments.run_folder.reader import TrainingRun
+from coachable.experiments.run_folder.reader import Run
 from coachable.foundation.errors import RunFolderError
 from coachable.foundation.style import drawing, save, setup_colours
 
@@ -32,7 +32,7 @@ MEASURES = {
 """What is told of evaluations: a column, its name with the unit, and what it is multiplied with."""
 
 
-def tell_training(run: TrainingRun, folder: Path) -> None:
+def tell_training(run: Run, folder: Path) -> None:
     """Print a training's table; write it as Markdown, with its learning curves as SVG and PNG."""
     header, rows = _rows(run)
     written = tell_table(heading(run), header, rows, NOTE, folder / "table.md")
@@ -71,53 +71,54 @@ NOTE = (
 )
 
 
-def heading(run: TrainingRun) -> str:
+def heading(run: Run) -> str:
     """What was trained, in one line."""
-    plan = run.plan
+    plan = run.experiment
     status = "" if run.status == "complete" else f", {run.status}"
     return (
-        f"{plan.name}: {plan.env}, {run.behaviour.name}, {plan.trainer}, {len(plan.setups)} setup"
+        f"{plan.name}: {plan.problem.robot}, {run.behaviour.name}, {plan.trainer.name}, "
+        f"{len(plan.setups)} setup"
         f"{'s' * (len(plan.setups) != 1)} × {plan.num_seeds} seed{'s' * (plan.num_seeds != 1)} × "
         f"{plan.steps:,} steps{status}"
     )
 
 
-def by_seed(run: TrainingRun, setup: str, measure: str) -> tuple[np.ndarray, np.ndarray]:
+def by_seed(run: Run, setup: str, measure: str) -> tuple[np.ndarray, np.ndarray]:
     """Training steps, and the mean over episodes of a measure at each evaluation, a row a seed.
 
     Seeds that have not been evaluated as often as others end in NaN.
     """
     columns = run.columns("evaluations")
     values = {}
-    for seed in run.plan.seeds:
+    for seed in run.experiment.seeds:
         mine = columns["lane"] == run.lane(setup, seed).name
         steps = columns["step"][mine]
         for step in np.unique(steps):
             values[seed, int(step)] = float(np.mean(columns[measure][mine][steps == step]))
     steps = sorted({step for _, step in values})
-    rows = [[values.get((seed, step), np.nan) for step in steps] for seed in run.plan.seeds]
-    return np.array(steps), np.array(rows).reshape(len(run.plan.seeds), len(steps))
+    rows = [[values.get((seed, step), np.nan) for step in steps] for seed in run.experiment.seeds]
+    return np.array(steps), np.array(rows).reshape(len(run.experiment.seeds), len(steps))
 
 
-def final(run: TrainingRun, setup: str, measure: str) -> Estimate:
+def final(run: Run, setup: str, measure: str) -> Estimate:
     """The mean over seeds of a measure at each seed's last evaluation, with its interval."""
     _, rows = by_seed(run, setup, measure)
     last = [row[~np.isnan(row)][-1] for row in rows if not np.isnan(row).all()]
     return estimate(mean, np.array(last))
 
 
-def learning_curves(run: TrainingRun) -> Figure:
+def learning_curves(run: Run) -> Figure:
     """Three panels against training steps: the environment's return, the behaviour's, the share in the cycle.
 
     A line is the mean over seeds, its band the pointwise 95 % interval; with one seed there is no band.
     """
-    colours = setup_colours([setup.name for setup in run.plan.setups])
+    colours = setup_colours([setup.name for setup in run.experiment.setups])
     panels = ("environment", "behaviour", "share_in_cycle")
     with drawing():
         figure = Figure(figsize=(WIDTH, 2.6), layout="constrained")
         for axes, measure in zip(figure.subplots(1, len(panels)), panels, strict=True):
             name, factor = MEASURES[measure]
-            for setup in run.plan.setups:
+            for setup in run.experiment.setups:
                 steps, rows = by_seed(run, setup.name, measure)
                 complete = ~np.isnan(rows).any(axis=0)
                 steps, rows = steps[complete] / 1_000, rows[:, complete] * factor
@@ -138,14 +139,16 @@ def learning_curves(run: TrainingRun) -> Figure:
     return figure
 
 
-def _rows(run: TrainingRun) -> tuple[list[str], list[list[str]]]:
+def _rows(run: Run) -> tuple[list[str], list[list[str]]]:
     evaluations = run.columns("evaluations")
     if not len(evaluations["return"]):
-        raise RunFolderError(f"{run.path}: nothing has been evaluated yet; run its training again to go on")
+        raise RunFolderError(
+            f"{run.path}: nothing has been evaluated yet; give the command that began it again to go on"
+        )
     shown = [name for name in MEASURES if not np.isnan(evaluations[name].astype(float)).all()]
     header = ["setup", *(MEASURES[name][0] for name in shown)]
     rows = []
-    for setup in run.plan.setups:
+    for setup in run.experiment.setups:
         cells = []
         for measure in shown:
             told, factor = final(run, setup.name, measure), MEASURES[measure][1]

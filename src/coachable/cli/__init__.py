@@ -11,16 +11,15 @@ from collections.abc import Sequence
 import tyro
 
 import coachable
-from coachable.cli import descriptions, exports, studies, training, verification, walks
+from coachable.cli import descriptions, experiments, exports, results, verification, walks
 from coachable.foundation.errors import CoachableError
 from coachable.foundation.suggestion import suggestion
 
 COMMANDS = {
-    "study": studies.study,
-    "train": training.train,
-    "table": studies.table,
-    "compare": studies.compare,
-    "report": studies.report,
+    "train": experiments.train,
+    "table": results.table,
+    "compare": results.compare,
+    "report": results.report,
     "watch": walks.watch,
     "record": walks.record,
     "gait": walks.gait,
@@ -32,7 +31,7 @@ COMMANDS = {
     "diff": descriptions.diff,
     "explain": descriptions.explain,
     "export": exports.export,
-    "cite": studies.cite,
+    "cite": results.cite,
 }
 
 _STYLE = (tyro.conf.FlagCreatePairsOff,)
@@ -59,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(2)
     except KeyboardInterrupt:
         goes_on = f" Nothing is lost; go on with:\n  {shlex.join(['coachable', *arguments])}"
-        resumable = arguments[:1] in (["study"], ["train"]) or "--all" in arguments
+        resumable = arguments[:1] == ["train"] or "--all" in arguments
         print("\nStopped." + (goes_on if resumable else ""), file=sys.stderr)
         sys.exit(130)
 
@@ -84,8 +83,8 @@ def _overview() -> str:
         [
             (coachable.__doc__ or "").partition("\n")[0],
             "",
-            "  coachable study demo                                        two minutes, to see it work",
-            "  coachable study paper --out runs/paper                      the paper's whole study",
+            "  coachable train demo                                        two minutes, to see it work",
+            "  coachable train paper --out runs/paper                      the paper's whole study",
             "  coachable report runs/paper                                 one page: what was learned",
             "  coachable check compass-walking                             what a description says",
             "  coachable verify runs/paper --all                           does it really walk?",

@@ -61,18 +61,18 @@ def check(
         sys.exit(1)
 
 
-def warn_of_errors(behaviour: str) -> None:
-    """Say on stderr that a description, a shipped name or a file, has errors, as `check` tells.
+def warn_of_errors(described: Behaviour, behaviour: str) -> None:
+    """Print on stderr that a description, read from a shipped name or a file, has errors by `check`.
 
-    No refusal: what is proven impossible is so for continuous signals, and a simulator's may jump.
+    It is no refusal: what is proven impossible is so for continuous signals, and a simulator's may jump.
     """
-    from coachable.behaviours.library import SHIPPED, load_behaviour
+    from coachable.behaviours.library import SHIPPED
 
     if behaviour in SHIPPED:
         return
     from coachable.behaviours.checking.checker import check as find
 
-    errors = [finding for finding in find(load_behaviour(behaviour)).findings if finding.severity == "error"]
+    errors = [finding for finding in find(described).findings if finding.severity == "error"]
     if errors:
         count = f"{len(errors)} error{'s' * (len(errors) > 1)}"
         print(

@@ -95,7 +95,7 @@ def _write_onnx(what: str | None, setup: str | None, seed: int | None, which: Wh
     if what is None:
         raise CoachableError("which policy? Give a run folder: coachable export runs/paper -o policy.onnx")
     run = open_run(what)
-    setup, seed = setup or run.plan.setups[0].name, run.plan.first_seed if seed is None else seed
+    setup, seed = setup or run.experiment.setups[0].name, run.experiment.first_seed if seed is None else seed
     write_atomic(out, onnx_bytes(run.policy(setup, seed, which)))
     print(f"{out}: {which} policy of {run.lane(setup, seed).name}")
 
@@ -107,19 +107,20 @@ def _lane(
     which: Which,
     clock: Clock | None,
 ) -> Model:
-    from coachable.experiments.run_folder.reader import load_run
+    from coachable.experiments.run_folder.reader import open_run
     from coachable.verification.export.model import Model
 
-    run = load_run(path)
-    if run.plan.semantics != "paper":
+    run = open_run(path)
+    problem = run.experiment.require_plant("an automaton's export")
+    if problem.semantics != "paper":
         raise CoachableError(
             f"{path} was trained by the rules of the released code, in which a foot that passes backward "
             "counts as a touchdown; exports state the paper's"
         )
-    setup, seed = setup or run.plan.setups[0].name, run.plan.first_seed if seed is None else seed
+    setup, seed = setup or run.experiment.setups[0].name, run.experiment.first_seed if seed is None else seed
     policy = run.policy(setup, seed, which)
     name = f"{run.behaviour.name}, {which} policy of {run.lane(setup, seed).name}"
-    return Model(name, run.behaviour, policy, run.plan.plant, clock or run.plan.clock)
+    return Model(name, run.behaviour, policy, problem.plant, clock or problem.clock)
 
 
 def _behaviour(

@@ -131,11 +131,11 @@ def _subjects(
     every: bool,
 ) -> tuple[list[Subject], Subject]:
     """The lanes asked for, and the baseline of their run."""
-    from coachable.experiments.run_folder.reader import load_run
+    from coachable.experiments.run_folder.reader import open_run
     from coachable.verification.passport.closed_loop import baseline_subject, lane_subject
 
-    opened = load_run(run)
-    plan = opened.plan
+    opened = open_run(run)
+    plan, problem = opened.experiment, opened.experiment.require_plant("a gait passport")
     if every:
         chosen = [] if setup is None else [opened.lane(setup, plan.first_seed).setup]
         lanes = [lane for lane in opened.lanes if not chosen or lane.setup in chosen]
@@ -144,7 +144,7 @@ def _subjects(
         lanes = [opened.lane(setup or plan.setups[0].name, first)]
     subjects = [lane_subject(opened, lane.setup, lane.seed, which) for lane in lanes]
     beside = baseline_subject(
-        baseline, plan.semantics, subjects[0].walker.clock, plan.plant, opened.behaviour
+        baseline, problem.semantics, subjects[0].walker.clock, problem.plant, opened.behaviour
     )
     return subjects, beside
 

@@ -21,7 +21,7 @@ from coachable.cli.options import (
 from coachable.foundation.errors import PlanError
 
 if TYPE_CHECKING:
-    from coachable.experiments.run_folder.reader import TrainingRun
+    from coachable.experiments.run_folder.reader import Run
 
 
 def watch(
@@ -75,14 +75,15 @@ def watch(
         walks = [load_counterexample(Path(run))]
         who = walks[0].title
     else:
-        from coachable.experiments.run_folder.reader import TrainingRun, open_run
+        from coachable.experiments.run_folder.reader import open_run
 
         opened = open_run(run)
-        setup = setup or opened.plan.setups[0].name
-        seeds = dict.fromkeys(seed or (opened.plan.first_seed,))
-        if isinstance(opened, TrainingRun):
+        setup = setup or opened.experiment.setups[0].name
+        seeds = dict.fromkeys(seed or (opened.experiment.first_seed,))
+        if not opened.experiment.problem.in_jax:
             _draw_robot(opened, setup, [*seeds], which, seconds, out)
-            print(f"{out}: {opened.plan.env}, {setup}, seed {', '.join(map(str, seeds))}, {which} policy")
+            who = f"{setup}, seed {', '.join(map(str, seeds))}, {which} policy"
+            print(f"{out}: {opened.experiment.problem.robot}, {who}")
             return
         walks = [walk_of_lane(opened, setup, number, which, seconds) for number in seeds]
         who = f"{setup}, seed{'s' * (len(walks) > 1)} {', '.join(map(str, seeds))}, {which} policy"
@@ -92,11 +93,9 @@ def watch(
     print(f"{out}: {who}")
 
 
-def _draw_robot(
-    run: TrainingRun, setup: str, seeds: list[int], which: Which, seconds: float, out: Path
-) -> None:
+def _draw_robot(run: Run, setup: str, seeds: list[int], which: Which, seconds: float, out: Path) -> None:
     """A film, or a strobe picture of the end; only MuJoCo's robots are not drawn by their environment."""
-    from coachable.experiments.training_walks import has_limbs, recorded_walk, rendered_walk
+    from coachable.experiments.recorded_episodes import has_limbs, recorded_walk, rendered_walk
     from coachable.foundation.style import save
     from coachable.viewing.rendered import draw_rendered
     from coachable.viewing.robot_strobe import robot_strobe
@@ -106,7 +105,9 @@ def _draw_robot(
     is_picture = out.suffix.lower() in PICTURES
     if not has_limbs(run):
         if is_picture:
-            raise PlanError(f"{run.plan.env} can only be drawn by itself, in a film: .gif or .mp4")
+            raise PlanError(
+                f"{run.experiment.problem.robot} can only be drawn by itself, in a film: .gif or .mp4"
+            )
         drawn = [rendered_walk(run, setup, number, which, seconds) for number in seeds]
         draw_rendered(drawn, out, run.behaviour.phases)
         return
@@ -133,14 +134,14 @@ def record(
         coachable explain mine.behaviour walk.csv
     """
     from coachable.automata.trace_file import write_trace
-    from coachable.experiments.run_folder.reader import TrainingRun
-    from coachable.experiments.training_walks import recorded_walk
+    from coachable.experiments.recorded_episodes import recorded_walk
+    from coachable.experiments.run_folder.reader import Run
 
     if episode < 0:
         raise PlanError(f"episodes are counted from 0, got {episode}")
-    opened = TrainingRun.open(run)
-    setup = setup or opened.plan.setups[0].name
-    seed = opened.plan.first_seed if seed is None else seed
+    opened = Run.open(run)
+    setup = setup or opened.experiment.setups[0].name
+    seed = opened.experiment.first_seed if seed is None else seed
     walk = recorded_walk(opened, setup, seed, which, episode)
     write_trace(out, walk.time, walk.signals, walk.values)
     end = "it fell" if walk.fell else "it did not fall"
@@ -165,7 +166,7 @@ def gait(
     """
     from coachable.analysis.gait_table import tell_gaits
     from coachable.cli.progress import walkers_progress
-    from coachable.experiments.run_folder.reader import TrainingRun
+    from coachable.experiments.run_folder.reader import Run
     from coachable.foundation.style import save
     from coachable.gaits.survey import survey
     from coachable.viewing.footfalls import footfalls
@@ -174,7 +175,7 @@ def gait(
         raise PlanError(f"episodes must be at least 1, got {episodes}")
     if not math.isfinite(speed):
         raise PlanError(f"speed must be a finite number, got {speed}")
-    opened = TrainingRun.open(run)
+    opened = Run.open(run)
     with walkers_progress("gait", len(opened.lanes)) as tell:
         walks = survey(opened, episodes, which, tell)
     tell_gaits(opened, speed, out or run)

@@ -1,9 +1,10 @@
-"""Three lines to anything: run a study by its name, roll a policy out."""
+"""Three lines to anything: train an experiment by its name, roll a policy out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import jax
 from jaxtyping import Array, Float
@@ -12,47 +13,39 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.rollout import Trajectory
 from coachable.envs.rollout import rollout as roll_out
 from coachable.envs.walking_task import NO_BOX, Clock, make_task
-from coachable.experiments.plan import Study, load_plan, with_options
+from coachable.experiments.experiment import Experiment
+from coachable.experiments.plan import load_plan, with_options
 from coachable.experiments.run_folder.reader import Run
-from coachable.experiments.runner import run_study
+from coachable.experiments.runner import run_experiment
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
-from coachable.rewards.phase_reward import Variant
 from coachable.rewards.setup import PAPER_SETUPS, Semantics
 
 
-def study(
-    plan: str | Path | Study,
-    out: str | Path,
+def train(
+    plan: str | Path | Experiment | None = None,
+    out: str | Path | None = None,
     *,
-    seeds: int | None = None,
-    setups: Sequence[str] | None = None,
-    steps: int | None = None,
-    semantics: Semantics | None = None,
-    reward_variant: Variant | None = None,
-    behaviour: str | Path | None = None,
-    clock: Clock | None = None,
+    track: bool = False,
     progress: bool = True,
+    workers: int | None = None,
+    **options: Any,
 ) -> Run:
-    """Run a study, or go on with it, and return its run; what `coachable study PLAN --out OUT` does.
+    """Train an experiment, or go on with it, and return its run; what `coachable train` does.
 
-    **Arguments:** `plan`, the name of one that ships, a TOML file, or a `Study`; `out`, the run folder;
-    `seeds`, how many seeds each setup gets; `setups`, which of the plan's or the paper's; `steps` a lane; the
-    rest as in `Study`. What is given replaces what the plan says. `progress`: whether to show how it goes on
-    stderr.
+    **Arguments:**
+        plan: the name of one that ships, a TOML file, an `Experiment`, or nothing but options.
+        out: the run folder, by default `runs/` and the experiment's name.
+        track, progress, workers: as in `run_experiment`.
+        options: keys of a plan, which replace what it says: `env`, `behaviour`, `trainer`, `settings`,
+        `steps`,
+            `evaluate_every`, `seeds` (a count), `setups` (names or tables), `semantics`, `reward_variant`,
+            `clock`, `plant`, `weight`, …
 
     **Raises:** `PlanError` for a plan that makes no sense, `RunFolderError` for a folder of another plan.
     """
-    options = {
-        "seeds": seeds,
-        "setups": setups,
-        "steps": steps,
-        "semantics": semantics,
-        "reward_variant": reward_variant,
-        "behaviour": None if behaviour is None else str(behaviour),
-        "clock": clock,
-    }
-    resolved = with_options(plan, **options) if isinstance(plan, Study) else load_plan(plan, **options)
-    return run_study(resolved, out, progress=progress)
+    resolved = with_options(plan, **options) if isinstance(plan, Experiment) else load_plan(plan, **options)
+    folder = Path("runs") / resolved.name if out is None else out
+    return run_experiment(resolved, folder, track=track, progress=progress, workers=workers)
 
 
 def rollout(
@@ -64,7 +57,7 @@ def rollout(
     parameters: CompassParameters = PAPER_PARAMETERS,
     behaviour: Behaviour | None = None,
 ) -> Trajectory:
-    """Let a policy, or any controller x ↦ u, walk from the paper's start until it falls or the time is over.
+    """Roll out a policy, or any controller x ↦ u, from the paper's start until a fall or the end of the time.
 
     **Arguments:** `controller`, from the state (θ1, θ2, θ̇1, θ̇2) [rad, rad/s] to the torques (ankle, hip) [N
     m], in JAX; `seconds` at most; `clock`, by default the policy's own, else `free`; `behaviour`, whose

@@ -1,4 +1,4 @@
-"""How a study's lanes are laid out over the machine and over time: groups, keys, evaluations."""
+"""How lanes are laid out over the machine and over time: batches, keys, evaluations."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from collections.abc import Mapping
 import jax
 from jaxtyping import PRNGKeyArray
 
-from coachable.experiments.plan import Lane, Study
-from coachable.experiments.training import Training
+from coachable.experiments.experiment import Experiment, Lane
 
-WIDEST_GROUP = 16
+WIDEST_BATCH = 16
 """Lanes that one program trains side by side: they fill the processor's vectors and fit into its cache."""
 
 
@@ -21,14 +20,14 @@ def num_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def group_widths(num_lanes: int, cores: int) -> tuple[int, ...]:
-    """Into groups of how many lanes a study is cut.
+def batch_sizes(num_lanes: int, num_workers: int) -> tuple[int, ...]:
+    """Into batches of how many lanes an experiment is cut.
 
-    Groups are as wide as `WIDEST_GROUP` and a share for every core allow. A somewhat smaller width (down to
-    half) that leaves no remainder is preferred, since each width is a program to be compiled. Results depend
-    on these widths in their last bits, so a resumed study keeps the ones it began with.
+    Batches are as wide as `WIDEST_BATCH` and a share for every worker allow. A somewhat smaller width (down
+    to half) that leaves no remainder is preferred, since each width is a program to be compiled. Results
+    depend on these widths in their last bits, so a resumed run keeps the ones it began with.
     """
-    widest = min(WIDEST_GROUP, -(-num_lanes // cores))
+    widest = min(WIDEST_BATCH, -(-num_lanes // num_workers))
     exact = [width for width in range(widest, (widest + 1) // 2 - 1, -1) if num_lanes % width == 0]
     width = exact[0] if exact else widest
     whole, rest = divmod(num_lanes, width)
@@ -41,7 +40,7 @@ def lane_key(lane: Lane) -> PRNGKeyArray:
     return jax.random.fold_in(jax.random.PRNGKey(lane.seed), name)
 
 
-def evaluation_steps(study: Study | Training) -> Mapping[int, tuple[int, ...]]:
+def evaluation_steps(experiment: Experiment) -> Mapping[int, tuple[int, ...]]:
     """After how many updates a lane is evaluated, and as which training steps those evaluations count.
 
     Evaluation k stands for step k · `evaluate_every` ≤ `steps` and uses the weights after
@@ -50,8 +49,11 @@ def evaluation_steps(study: Study | Training) -> Mapping[int, tuple[int, ...]]:
     """
     schedule: dict[int, tuple[int, ...]] = {}
     for step in sorted(
-        {*range(study.evaluate_every, study.steps + 1, study.evaluate_every), study.total_steps}
+        {
+            *range(experiment.evaluate_every, experiment.steps + 1, experiment.evaluate_every),
+            experiment.total_steps,
+        }
     ):
-        update = step // study.steps_an_update
+        update = step // experiment.trainer.steps_an_update
         schedule[update] = (*schedule.get(update, ()), step)
     return schedule

@@ -1,161 +1,352 @@
-"""Study plans: from a file, a shipped name, and options on top, to a resolved `Study`."""
+"""Plans: from a file, a shipped name and options on top, to a resolved `Experiment`."""
 
 from __future__ import annotations
 
 import dataclasses
-import tomllib
-from collections.abc import Mapping
-from dataclasses import fields
-from importlib import resources
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module, resources
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import SHIPPED, load_behaviour
-from coachable.experiments.study import Lane as Lane
-from coachable.experiments.study import Study as Study
-from coachable.experiments.study import check_choices
-from coachable.experiments.study import differences as differences
-from coachable.foundation.data import seeds, table, text_of, typed, types
-from coachable.foundation.errors import CoachableError, PlanError
+from coachable.envs.problem import EnvironmentProblem, PlantProblem, Problem, Setup
+from coachable.experiments.experiment import Experiment
+from coachable.experiments.trainers.ppo import PPO
+from coachable.experiments.trainers.stable_baselines3 import Algorithm, StableBaselines3
+from coachable.experiments.trainers.trainer import Trainer
+from coachable.foundation.data import parse_toml, structure_given
+from coachable.foundation.errors import CoachableError, ParameterError, PlanError
 from coachable.foundation.suggestion import suggestion
 from coachable.learning.config import PPOConfig
-from coachable.plants.compass import STATE_NAMES, CompassParameters
-from coachable.rewards.setup import PAPER_SETUPS, RewardSetup
+from coachable.plants.compass import CompassParameters
+from coachable.rewards.phase_reward import VARIANTS
+from coachable.rewards.setup import PAPER_SETUPS, DescribedSetup, RewardSetup
 
 IMPLIED = {
     "paper": {"reward_variant": "stay", "behaviour": "compass-walking"},
     "released-code": {"reward_variant": "released", "behaviour": "compass-walking-released"},
 }
+"""What a semantics brings along unless something else is given."""
+
+COMPASS_WALKER = "coachable/CompassWalker-v0"
+"""The environment's id that stands for our plant."""
+
+_CHOICES = {
+    "semantics": tuple(IMPLIED),
+    "reward_variant": VARIANTS,
+    "clock": ("free", "touchdown"),
+}
 _SHIPPED = resources.files("coachable.experiments") / "plans"
+_SHIPPED_SETTINGS = resources.files("coachable.experiments") / "settings"
+_ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
+
+
+@dataclass(frozen=True)
+class _Seeds:
+    first: int = 0
+    count: int = 1
+
+
+@dataclass(frozen=True)
+class _Tables:
+    """The TOML form of a plan: its keys and their kinds."""
+
+    name: str = ""
+    behaviour: str = ""
+    trainer: str = "ppo"
+    steps: int = 0
+    evaluate_every: int = 0
+    seeds: Mapping[str, Any] = field(default_factory=dict)
+    setups: Mapping[str, Any] | tuple[str, ...] = ()
+    ppo: Mapping[str, Any] = field(default_factory=dict)
+    sb3: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    semantics: str = "paper"
+    reward_variant: str = "stay"
+    clock: str = "free"
+    plant: Mapping[str, Any] = field(default_factory=dict)
+    env: str = ""
+    env_options: Mapping[str, Any] = field(default_factory=dict)
+    signals: Mapping[str, int | str] = field(default_factory=dict)
+    evaluation_episodes: int = 1
+
+
+_OF_PLANTS = ("semantics", "reward_variant", "clock", "plant")
+_OF_ENVIRONMENTS = ("env_options", "signals", "evaluation_episodes")
+_MERGED = ("seeds", "plant", "ppo", "sb3", "settings")
+"""Tables whose keys are given one by one, by any layer."""
+
+_DEFAULTS_OF_PLANTS = {"steps": 500_000, "evaluate_every": 10_000, "count": 15, "trainer": "ppo"}
+_DEFAULTS_OF_ENVIRONMENTS = {
+    "steps": 1_000_000,
+    "evaluate_every": 20_000,
+    "count": 1,
+    "trainer": "sb3-ppo",
+    "evaluation_episodes": 5,
+}
 
 
 def shipped_plans() -> list[str]:
     """Names of the plans that come with the package."""
-    return sorted(
-        entry.name.removesuffix(".toml") for entry in _SHIPPED.iterdir() if entry.name.endswith(".toml")
-    )
+    return _names(_SHIPPED)
 
 
-def load_plan(name_or_path: str | Path, **options: Any) -> Study:
-    """A study from a shipped plan or a TOML file, with options on top of it.
+def shipped_settings() -> list[str]:
+    """Names of the trainers' settings that come with the package."""
+    return _names(_SHIPPED_SETTINGS)
 
-    **Arguments:** `options`, where not None, replace the file's keys (`semantics`, `reward_variant`,
-    `behaviour`, `clock`, `trainer`, `steps`, `evaluate_every`, `name`), `seeds` (a count, or a table with
-    `first` and `count`) and `setups` (names, of the file's setups or the paper's).
 
-    What neither the file nor an option says is the default; `released-code` semantics bring their own reward
-    variant and behaviour unless one is said. A behaviour is a name that ships or a file, which in a plan's
-    file is looked for from the folder of the plan.
+def load_plan(name_or_path: str | Path | None, **options: Any) -> Experiment:
+    """An experiment from a shipped plan or a TOML file, with options on top of it; or from options alone.
+
+    **Arguments:** `options`, where not None, replace the file's keys. `seeds` may be a count, `setups` names
+    of the plan's setups or the paper's; `weight` is that of every setup of a Gymnasium environment, and
+    `settings` are laid over the trainer's table.
+
+    What neither the file nor an option gives is the default; `released-code` semantics bring their own reward
+    variant and behaviour unless one is given. A behaviour is a shipped name or a file, which in a plan's file
+    is looked for from the folder of the plan.
 
     **Raises:** `PlanError` naming the file and the key, with the nearest one that is known.
     """
+    if name_or_path is None:
+        return resolve(_options(options))
     if Path(name_or_path).is_file():
         path = Path(name_or_path)
-        return parse_plan(text_of(path), str(path), path.parent, **options)
+        return parse_plan(_text(path), str(path), path.parent, **options)
     if (name := str(name_or_path)) in shipped_plans():
-        source, text = f"plan {name!r}", (_SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
-        return parse_plan(text, source, **options)
+        text = (_SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
+        return parse_plan(text, f"plan {name!r}", **options)
     raise PlanError(f"{name!r} is neither a plan that ships nor a file; {suggestion(name, shipped_plans())}")
 
 
-def parse_plan(text: str, source: str, folder: Path | None = None, **options: Any) -> Study:
-    """`load_plan` for TOML text that messages call `source`, with a behaviour's file in `folder`."""
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise PlanError(f"{source} is not TOML: {error}") from None
-    behaviour = data.get("behaviour")
-    if folder is not None and isinstance(behaviour, str) and behaviour not in SHIPPED:
-        data["behaviour"] = str(folder / behaviour)
-    return resolve((source, data), ("the options", _said(options)))
+def parse_plan(
+    text: str, source: str, folder: Path | None = None, behaviour: Behaviour | None = None, **options: Any
+) -> Experiment:
+    """`load_plan` for TOML text named `source` in messages, with a behaviour's file in `folder`.
 
-
-def behaviour_of(study: Study) -> Behaviour:
-    """The behaviour that a study trains.
-
-    **Raises:** `BehaviourError` if it cannot be read, `PlanError` if it speaks of what the walker has not.
+    **Arguments:** `behaviour`, the behaviour itself, where its text is kept elsewhere.
     """
-    behaviour = load_behaviour(study.behaviour)
-    for signal in behaviour.signal_names:
-        if signal not in STATE_NAMES:
-            raise PlanError(
-                f"behaviour {study.behaviour!r}: the compass walker has no signal {signal!r}; "
-                + suggestion(signal, STATE_NAMES)
-            )
-    return behaviour
+    data = parse_toml(text, source, PlanError)
+    described_by = data.get("behaviour")
+    if folder is not None and isinstance(described_by, str) and described_by not in SHIPPED:
+        data["behaviour"] = str(folder / described_by)
+    return resolve((source, data), _options(options), behaviour=behaviour)
 
 
-def with_options(study: Study, **options: Any) -> Study:
-    """A study with what the options say, as in `load_plan`; those that are None say nothing."""
-    implied = IMPLIED[study.semantics].items()
-    data = {key: value for key, value in study.to_data().items() if (key, value) not in implied}
-    return resolve((f"study {study.name!r}", data), ("the options", _said(options)))
+def with_options(experiment: Experiment, **options: Any) -> Experiment:
+    """An experiment with options on top of it, as in `load_plan`."""
+    data = experiment.to_data()
+    if isinstance(experiment.problem, PlantProblem):
+        implied = IMPLIED[experiment.problem.semantics].items()
+        data = {key: value for key, value in data.items() if (key, value) not in implied}
+    if options.get("trainer") not in (None, experiment.trainer.name):
+        data = {key: value for key, value in data.items() if key not in experiment.trainer.to_data()}
+    return resolve((f"experiment {experiment.name!r}", data), _options(options))
 
 
-def resolve(*layers: tuple[str, Mapping[str, Any]]) -> Study:
-    """A study from layers of plan data, (where it comes from, nested tables), later ones winning key by key.
+def resolve(*layers: tuple[str, Mapping[str, Any]], behaviour: Behaviour | None = None) -> Experiment:
+    """An experiment from layers of plan data, (source, nested tables), later ones winning key by key.
 
-    A layer's `setups` replace those below as a whole: a table of weights by name (those left out are the
-    paper's, or the defaults of `RewardSetup`), or a list of names taken from the layers below or the paper.
+    A layer's `setups` replace those below as a whole: a table of setups by name (weights left out are the
+    paper's, or defaults), or a list of names taken from the layers below or the paper.
+
+    **Raises:** `PlanError` naming the source and the key.
     """
-    known = {field.name for field in fields(Study)} - {"first_seed", "num_seeds"} | {"seeds"}
-    merged: dict[str, Any] = {}
-    setups = Study.setups
+    given: dict[str, Any] = {}
     for source, data in layers:
-        for key, value in data.items():
-            if key not in known:
-                raise PlanError(f"{source}: unknown key {key!r}; {suggestion(key, sorted(known))}")
-            if key == "setups":
-                setups = _setups(value, source, setups)
-            elif key == "seeds":
-                merged |= {
-                    f"{k}_seed" if k == "first" else "num_seeds": v for k, v in seeds(value, source).items()
-                }
-            elif key in ("plant", "ppo"):
-                kind = CompassParameters if key == "plant" else PPOConfig
-                merged[key] = merged.get(key, {}) | table(value, types(kind), source, key)
-            elif key == "sb3":
-                if not isinstance(value, Mapping):
-                    raise PlanError(f"{source}: sb3 must be a table of settings, got {value!r}")
-                merged[key] = merged.get(key, {}) | value
-            else:
-                merged[key] = typed(value, int if key in ("steps", "evaluate_every") else str, source, key)
-    if "name" not in merged:
-        raise PlanError(f'{layers[0][0]}: the plan has no name; add a line such as name = "mine"')
-    sources = " with ".join(source for source, data in layers if data)
+        for key, value in structure_given(_Tables, _plain(data), source, PlanError).items():
+            given[key] = {**given.get(key, {}), **value} if key in _MERGED else value
+    sources = " with ".join(source for source, data in layers if data) or layers[0][0]
     try:
-        check_choices(merged)
-        parameters = CompassParameters(**merged.pop("plant", {}))
-        ppo = PPOConfig(**merged.pop("ppo", {}))
-        implied = IMPLIED.get(merged.get("semantics", "paper"), {})
-        return Study(**{**implied, **merged, "setups": setups, "plant": parameters, "ppo": ppo})
-    except CoachableError as error:
+        return _resolved(given, layers, sources, behaviour)
+    except ParameterError as error:
         raise PlanError(f"{sources}: {error}") from None
 
 
-def _said(options: Mapping[str, Any]) -> dict[str, Any]:
-    said = {key: value for key, value in options.items() if value is not None}
-    return said | ({"seeds": {"count": said["seeds"]}} if isinstance(said.get("seeds"), int) else {})
+def _resolved(
+    given: Mapping[str, Any],
+    layers: Sequence[tuple[str, Mapping[str, Any]]],
+    sources: str,
+    behaviour: Behaviour | None,
+) -> Experiment:
+    env = given.get("env", "")
+    compass_walker = env.removeprefix("coachable.envs:") == COMPASS_WALKER
+    of_plant = not env or compass_walker
+    for key in _OF_ENVIRONMENTS if of_plant else _OF_PLANTS:
+        if key in given:
+            robots = "Gymnasium environments" if of_plant else "plants"
+            raise PlanError(f"{sources}: {key} is for {robots}; this plan trains {env or 'a plant'}")
+    defaults = dict(_DEFAULTS_OF_PLANTS if of_plant else _DEFAULTS_OF_ENVIRONMENTS)
+    if compass_walker:
+        defaults["count"] = 1
+    seeds = structure_given(_Seeds, given.get("seeds", {}), sources, PlanError, "seeds")
+    trainer = _trainer(given.get("trainer", defaults["trainer"]), given, sources)
+    problem, described_by = (_plant_problem if of_plant else _environment_problem)(given, sources, behaviour)
+    setup_type = RewardSetup if of_plant else DescribedSetup
+    setups: tuple[Setup, ...] = (DescribedSetup(name="both"),)
+    if of_plant:
+        setups = (PAPER_SETUPS["orthant"],) if compass_walker else tuple(PAPER_SETUPS.values())
+    for source, data in layers:
+        if "setups" in data:
+            setups = _setups(setup_type, data["setups"], source, setups)
+        if "weight" in data:
+            setups = tuple(_weighted(setup, data["weight"], source) for setup in setups)
+    name = given.get("name") or re.sub(r"[^A-Za-z0-9_+-]+", "-", env.rpartition("/")[2]).strip("-")
+    if not name:
+        raise PlanError(f'{layers[0][0]}: the plan has no name; add a line such as name = "mine"')
+    try:
+        return Experiment(
+            name=name,
+            problem=problem,
+            described_by=described_by,
+            setups=setups,
+            trainer=trainer,
+            first_seed=seeds.get("first", 0),
+            num_seeds=seeds.get("count", defaults["count"]),
+            **{
+                key: given.get(key, defaults[key])
+                for key in ("steps", "evaluate_every", "evaluation_episodes")
+                if key in given or key in defaults
+            },
+        )
+    except PlanError as error:
+        raise PlanError(f"{sources}: {error}") from None
 
 
-def _setups(value: Any, source: str, below: tuple[RewardSetup, ...]) -> tuple[RewardSetup, ...]:
-    known = dict(PAPER_SETUPS) | {setup.name: setup for setup in below}
+def _plant_problem(
+    given: Mapping[str, Any], sources: str, behaviour: Behaviour | None
+) -> tuple[Problem, str]:
+    for key, choices in _CHOICES.items():
+        if key in given and given[key] not in choices:
+            raise PlanError(f"{sources}: {key} = {given[key]!r}: {suggestion(str(given[key]), choices)}")
+    semantics = given.get("semantics", "paper")
+    implied = {**IMPLIED[semantics], **given}
+    plant = structure_given(CompassParameters, given.get("plant", {}), sources, PlanError, "plant")
+    return PlantProblem(
+        behaviour=behaviour or load_behaviour(implied["behaviour"]),
+        plant=CompassParameters(**plant),
+        semantics=semantics,
+        reward_variant=implied["reward_variant"],
+        clock=given.get("clock", "free"),
+    ), implied["behaviour"]
+
+
+def _environment_problem(
+    given: Mapping[str, Any], sources: str, behaviour: Behaviour | None
+) -> tuple[Problem, str]:
+    described_by = given.get("behaviour", "")
+    if not described_by:
+        raise PlanError(f"{sources}: which behaviour? Give --behaviour, a shipped name or a file")
+    return EnvironmentProblem(
+        behaviour=behaviour or load_behaviour(described_by),
+        env=given["env"],
+        env_options=given.get("env_options", {}),
+        signals=given.get("signals", {}),
+    ), described_by
+
+
+def _trainer(name: str, given: Mapping[str, Any], sources: str) -> Trainer:
+    """The trainer of a name, with its table of settings.
+
+    A name is `ppo`, one of stable-baselines3's, or `module:Class` of a trainer of one's own. The table
+    `settings` is any trainer's, and is laid over that of the trainer's own name.
+    """
+    table = "ppo" if name == "ppo" else "sb3" if name in _ALGORITHMS else "settings"
+    for other in ("ppo", "sb3"):
+        if other != table and given.get(other):
+            raise PlanError(
+                f"{sources}: the table {other} is not for trainer = {name!r}; its table is {table}"
+            )
+    settings = {**given.get(table, {}), **given.get("settings", {})}
+    if name == "ppo":
+        return PPO(PPOConfig(**structure_given(PPOConfig, settings, sources, PlanError, "ppo")))
+    if name in _ALGORITHMS:
+        return StableBaselines3(name, settings)  # pyright: ignore[reportArgumentType]
+    module, colon, attribute = name.partition(":")
+    if not colon:
+        hint = suggestion(name, ("ppo", *_ALGORITHMS))
+        raise PlanError(f"{sources}: trainer = {name!r}: {hint}, or MODULE:CLASS for one of your own")
+    try:
+        kind = getattr(import_module(module), attribute)
+        trainer = kind(**settings)
+    except (ImportError, AttributeError, TypeError) as error:
+        raise PlanError(f"{sources}: trainer = {name!r} cannot be made: {error}") from None
+    if not isinstance(trainer, Trainer):
+        raise PlanError(f"{sources}: trainer = {name!r} is no Trainer; see docs/extending.md")
+    return trainer
+
+
+def _setups(kind: type[Setup], value: Any, source: str, below: tuple[Setup, ...]) -> tuple[Setup, ...]:
+    known = {setup.name: setup for setup in below}
+    if kind is RewardSetup:
+        known = {**PAPER_SETUPS, **known}
     if isinstance(value, Mapping):
-        return tuple(_setup(name, weights, source) for name, weights in value.items())
-    if not isinstance(value, list | tuple) or not all(isinstance(name, str) for name in value):
-        raise PlanError(f"{source}: setups must be tables of weights or a list of names, got {value!r}")
+        return tuple(_setup(kind, name, weights, source) for name, weights in value.items())
     for name in value:
         if name not in known:
             raise PlanError(f"{source}: unknown setup {name!r}; {suggestion(name, known)}")
     return tuple(known[name] for name in value)
 
 
-def _setup(name: str, weights: Any, source: str) -> RewardSetup:
-    said = table(weights, types(RewardSetup), source, f"setups.{name}")
+def _setup(kind: type[Setup], name: str, weights: Any, source: str) -> Setup:
+    key = f"setups.{name}"
+    given = structure_given(kind, weights, source, PlanError, key, without=("name",))
     try:
-        if name in PAPER_SETUPS:
-            return dataclasses.replace(PAPER_SETUPS[name], **said)
-        return RewardSetup(name=name, **said)
+        if kind is RewardSetup and name in PAPER_SETUPS:
+            return dataclasses.replace(PAPER_SETUPS[name], **given)
+        return kind(name=name, **given)
     except CoachableError as error:
-        raise PlanError(f"{source}: setups.{name}: {error}") from None
+        raise PlanError(f"{source}: {key}: {error}") from None
+
+
+def _weighted(setup: Setup, weight: float, source: str) -> Setup:
+    if not isinstance(setup, DescribedSetup):
+        raise PlanError(f"{source}: the weight of a plant's reward is in its setup's table")
+    return dataclasses.replace(setup, weight=float(weight))
+
+
+def trainer_settings(name_or_path: str) -> dict[str, Any]:
+    """A trainer's settings: those that ship under a name, or a TOML file's.
+
+    **Raises:** `PlanError` for one that is neither.
+    """
+    path = Path(name_or_path)
+    if path.is_file():
+        return parse_toml(_text(path), str(path), PlanError)
+    if name_or_path in shipped_settings():
+        file = _SHIPPED_SETTINGS / f"{name_or_path}.toml"
+        return parse_toml(file.read_text(encoding="utf-8"), f"settings {name_or_path!r}", PlanError)
+    hint = suggestion(name_or_path, shipped_settings())
+    raise PlanError(f"{name_or_path!r} are neither settings that ship nor a file; {hint}")
+
+
+def _options(options: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """The layer of options that are given, as plan data."""
+    given = {key: value for key, value in options.items() if value is not None}
+    if isinstance(given.get("seeds"), int):
+        given["seeds"] = {"count": given["seeds"]}
+    if "behaviour" in given:
+        given["behaviour"] = str(given["behaviour"])
+    return "the options", given
+
+
+def _plain(data: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys of a plan among those of a layer: options may also weight setups."""
+    return {key: value for key, value in data.items() if key != "weight"}
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise PlanError(f"{path} cannot be read: {reason}") from None
+
+
+def _names(folder: Any) -> list[str]:
+    names = (entry.name for entry in folder.iterdir())
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))

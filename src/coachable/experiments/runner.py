@@ -1,73 +1,89 @@
-"""Run a study from a plan to a complete run folder; go on where it was left."""
+"""Run an experiment from its plan to a complete run folder; go on where it was left."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from itertools import accumulate, pairwise
+from importlib.util import find_spec
 from pathlib import Path
 
 import jax
 import numpy as np
 from jax.experimental.compilation_cache import compilation_cache
 
-from coachable.behaviours.behaviour import Behaviour
-from coachable.experiments.compiled import Tasks, compile_programs
-from coachable.experiments.lane_batch import SECONDS_BETWEEN_CHECKPOINTS, Group
-from coachable.experiments.layout import group_widths, num_cores
-from coachable.experiments.plan import Study, behaviour_of
+from coachable.envs.problem import PlantProblem
+from coachable.experiments.experiment import Experiment
+from coachable.experiments.layout import num_cores
+from coachable.experiments.log import Columns
 from coachable.experiments.progress import Report, SetupStatus, Status, progress_display
-from coachable.experiments.results import walk_baseline, write_logs, write_policies, write_trajectories
+from coachable.experiments.results import roll_out_baseline, write_logs, write_policies, write_trajectories
 from coachable.experiments.run_folder.lock import locked
 from coachable.experiments.run_folder.reader import Run
+from coachable.experiments.run_folder.schemas import schemas
 from coachable.experiments.run_folder.writer import RunFolder
-from coachable.experiments.sb3_lane import require_sb3
-from coachable.experiments.sb3_study import CompassLane, SB3Lane, train_with_sb3
-from coachable.experiments.workers import take_turns
+from coachable.experiments.trainers.trainer import TrainedLanes, Work
+from coachable.foundation.errors import MissingExtraError, PlanError
 
-MOST_TIME_FOR_REFRESHING = 0.02
+SECONDS_BETWEEN_TABLES = 30.0
+MOST_TIME_FOR_TABLES = 0.02
 """Share of the time that may go into keeping the tables of an unfinished run readable."""
 
 
-def run_study(
-    study: Study, out: str | Path, *, progress: bool = True, allow_different_layout: bool = False
+def run_experiment(
+    experiment: Experiment,
+    out: str | Path,
+    *,
+    track: bool = False,
+    progress: bool = True,
+    workers: int | None = None,
+    allow_different_layout: bool = False,
 ) -> Run:
-    """Train and test every lane of a study, or go on where an earlier call was stopped.
+    """Train and measure every lane of an experiment, or go on where an earlier call was stopped.
 
-    However often it is stopped, and however (even with kill -9), the folder ends with the same bits in its
-    tables and policies as without a stop, on one machine and with the same versions. A complete run is only
-    checked. Lanes of stable-baselines3, too, go on from their last checkpoint, but begin an episode there, so
-    that their bits differ; in `released-code` semantics shared evaluations are counted from there, too.
+    However often it is stopped, and however (even with kill -9), a run of our PPO ends with the same bits in
+    its tables and policies as without a stop, on one machine and with the same versions. Lanes of other
+    trainers go on from their last checkpoint, but begin an episode there, so that their bits differ; in
+    `released-code` semantics shared evaluations are counted from there, too. A complete run is only checked.
 
-    **Arguments:** `out`, the run folder, made if need be; `progress`, whether to show how it goes on stderr;
-    `allow_different_layout`, whether to go on under other versions or on another machine than the run was
-    begun with.
+    **Arguments:** `out`, the run folder, made if need be; `track`, whether to write events for TensorBoard
+    into it; `progress`, whether to show progress on stderr; `workers`, how many lanes, or batches of them,
+    are trained at once, by default one a core; `allow_different_layout`, whether to go on under other
+    versions or on another machine than the run was begun with.
 
-    **Raises:** `RunFolderError` if the folder belongs to another plan, is damaged, or is being written by
-    another process; `KeyboardInterrupt` after everything is saved.
+    **Raises:** `PlanError` for an environment or settings that cannot be trained with, `MissingExtraError`,
+    and `RunFolderError` if the folder belongs to another plan, is damaged, or is being written by another
+    process; `KeyboardInterrupt` after everything is saved.
     """
+    if workers is not None and workers < 1:
+        raise PlanError(f"workers must be at least 1, got {workers}")
+    if track and find_spec("tensorboardX") is None:
+        raise MissingExtraError("--track tensorboard", "track")
+    trainer, workers = experiment.trainer, workers or num_cores()
+    trainer.check(experiment)
     out = Path(out)
-    behaviour = behaviour_of(study)
-    if study.trainer != "ppo":
-        require_sb3(study.trainer, study.sb3)
     out.mkdir(parents=True, exist_ok=True)
-    with locked(out), jax.enable_x64(False), _jax_as_it_was():
+    with locked(out), jax.enable_x64(False), _jax_restored():
         folder = None
         if (out / "manifest.json").exists():
-            folder = RunFolder.resume(Run.open(out), study, behaviour, allow_different_layout)
+            folder = RunFolder.resume(Run.open(out), experiment, allow_different_layout)
             if folder.manifest["status"] == "complete":
                 folder.remove_checkpoints()
                 return Run.open(out)
         set_up_jax()
         if folder is None:
-            ours = study.trainer == "ppo"
-            widths = group_widths(len(study.lanes), num_cores()) if ours else (1,) * len(study.lanes)
-            reference, _ = walk_baseline(study, behaviour)
-            folder = RunFolder.begin(out, study, behaviour, widths, baseline=reference)
-        with progress_display(study.name) if progress else nullcontext(lambda status: None) as report:
-            _train(study, behaviour, folder, report)
+            baseline = roll_out_baseline(experiment)
+            sizes = trainer.batch_sizes(experiment, workers)
+            folder = RunFolder.begin(out, experiment, sizes, None if baseline is None else baseline[0])
+        work = Work(
+            experiment=experiment,
+            folder=folder,
+            num_workers=workers,
+            track=out / "tensorboard" if track else None,
+        )
+        with progress_display(experiment.name) if progress else nullcontext(lambda status: None) as report:
+            _train(work, report)
     return Run.open(out)
 
 
@@ -88,8 +104,8 @@ def set_up_jax() -> None:
 
 
 @contextmanager
-def _jax_as_it_was() -> Iterator[None]:
-    """Whoever calls from a program of their own has their own settings of JAX again, and their own cache."""
+def _jax_restored() -> Iterator[None]:
+    """A caller's own settings of JAX, and its own cache, are restored."""
     before = {name: jax.config.values[name] for name in _settings_of_jax()}
     try:
         yield
@@ -100,88 +116,74 @@ def _jax_as_it_was() -> Iterator[None]:
             compilation_cache.reset_cache()
 
 
-Lanes = Sequence[Group] | Sequence[SB3Lane]
-Train = Callable[[Callable[[], None]], None]
-"""Trains and tests all lanes; calls what it is given every now and then."""
-
-
-def _train(study: Study, behaviour: Behaviour, folder: RunFolder, report: Report) -> None:
-    lanes: Lanes = []
-    report(_status("compiling", study, lanes))
-    lanes, train = (_ours if study.trainer == "ppo" else _of_sb3)(study, behaviour, folder)
-    next_refresh = time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
+def _train(work: Work, report: Report) -> None:
+    experiment, folder = work.experiment, work.folder
+    lanes: Sequence[TrainedLanes] = []
+    report(_status("compiling" if experiment.problem.in_jax else "starting", experiment, lanes))
+    lanes, train = experiment.trainer.start(work)
+    next_tables = time.monotonic() + SECONDS_BETWEEN_TABLES
 
     def watch() -> None:
-        nonlocal next_refresh
-        training = any(some.num_steps < study.total_steps for some in lanes)
-        report(_status("training" if training else "testing", study, lanes))
-        if (began := time.monotonic()) > next_refresh:
-            write_logs(folder, lanes)
+        nonlocal next_tables
+        training = any(some.num_steps < experiment.total_steps for some in lanes)
+        report(_status("training" if training else "testing", experiment, lanes))
+        if (began := time.monotonic()) > next_tables:
+            write_logs(folder, experiment, lanes)
             folder.write_manifest()
-            took = time.monotonic() - began
-            next_refresh = time.monotonic() + max(
-                SECONDS_BETWEEN_CHECKPOINTS, took / MOST_TIME_FOR_REFRESHING
-            )
+            took = time.monotonic() - began  # long where checkpoints hold replay buffers
+            next_tables = began + took + max(SECONDS_BETWEEN_TABLES, took / MOST_TIME_FOR_TABLES)
 
     try:
-        report(_status("training", study, lanes))
+        report(_status("training", experiment, lanes))
         train(watch)
-        report(_status("writing", study, lanes))
-        write_logs(folder, lanes)
+        report(_status("writing", experiment, lanes))
+        write_logs(folder, experiment, lanes)
         write_policies(folder, lanes)
-        write_trajectories(folder, walk_baseline(study, behaviour)[1], lanes)
-        folder.complete()
+        write_trajectories(folder, experiment, lanes)
+        folder.complete(schemas(experiment.problem))
     except BaseException:
         for some in lanes:
             some.save()
         folder.write_manifest("interrupted")
-        write_logs(folder, lanes)
+        write_logs(folder, experiment, lanes)
         raise
 
 
-def _ours(study: Study, behaviour: Behaviour, folder: RunFolder) -> tuple[Sequence[Group], Train]:
-    tasks = Tasks.of(study, behaviour)
-    programs = compile_programs(study, tasks, folder.group_widths, num_cores())
-    ends = accumulate(folder.group_widths, initial=0)
-    groups = []
-    for index, (start, end) in enumerate(pairwise(ends)):
-        lanes = study.lanes[start:end]
-        groups.append(Group(study, lanes, tasks, programs[len(lanes)], folder.checkpoint(index)))
-    return groups, lambda watch: take_turns(groups, num_cores(), watch)
-
-
-def _of_sb3(study: Study, behaviour: Behaviour, folder: RunFolder) -> tuple[Sequence[SB3Lane], Train]:
-    lanes = [
-        SB3Lane(CompassLane(study, behaviour, lane, folder.checkpoint(index)))
-        for index, lane in enumerate(study.lanes)
-    ]
-    return lanes, lambda watch: train_with_sb3(lanes, watch)
-
-
-def _status(doing: str, study: Study, groups: Lanes) -> Status:
-    latest = [
-        (lane.setup, group.latest, i)
-        for group in groups
-        if group.latest
-        for i, lane in enumerate(group.lanes)
-    ]
+def _status(doing: str, experiment: Experiment, lanes: Sequence[TrainedLanes]) -> Status:
+    latest = {lane: columns for some in lanes for lane, columns in some.latest().items()}
     setups = []
-    for setup in study.setups:
-        mine = [(columns, index) for name, columns, index in latest if name == setup.name]
-        distances = [columns[study.distance][index] for columns, index in mine]
+    for name in experiment.setup_names:
+        mine = [columns for lane, columns in latest.items() if lane.setup == name]
         setups.append(
             SetupStatus(
-                name=setup.name,
-                num_lanes=study.num_seeds,
+                name=name,
+                num_lanes=experiment.num_seeds,
                 num_evaluated=len(mine),
-                num_up=sum(not columns["fell"][index] for columns, index in mine),
-                result=f"{np.mean(distances):.2f} m" if distances else "",
+                num_up=sum(not columns["fell"].any() for columns in mine),
+                result=_result(experiment, mine) if mine else "",
             )
         )
     return Status(
         doing=doing,
-        steps=sum(group.num_steps * len(group.lanes) for group in groups),
-        total_steps=study.total_steps * len(study.lanes),
-        lanes_measured=sum(group.num_measured for group in groups),
+        steps=sum(some.num_steps * len(some.lanes) for some in lanes),
+        total_steps=experiment.total_steps * len(experiment.lanes),
+        lanes_measured=sum(some.num_measured for some in lanes),
         setups=tuple(setups),
     )
+
+
+def _result(experiment: Experiment, evaluations: Sequence[Columns]) -> str:
+    """What the lanes of a setup reached in the mean, with its unit."""
+    means = {
+        name: np.mean([np.mean(columns[name]) for columns in evaluations])
+        for name in (_distance(experiment), "return", "share_in_cycle")
+        if name
+    }
+    if name := _distance(experiment):
+        return f"{means[name]:.2f} m"
+    return f"return {means['return']:.0f}, {means['share_in_cycle']:.0%} in the cycle"
+
+
+def _distance(experiment: Experiment) -> str:
+    problem = experiment.problem
+    return problem.distance if isinstance(problem, PlantProblem) else ""

@@ -8,8 +8,9 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.baselines import ControllerName, baseline
 from coachable.experiments.api import rollout
+from coachable.experiments.experiment import Which
 from coachable.experiments.plan import IMPLIED
-from coachable.experiments.run_folder.reader import Run, Which
+from coachable.experiments.run_folder.reader import Run
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
 from coachable.rewards.setup import Semantics
 
@@ -40,16 +41,17 @@ def walk_of_lane(run: Run, setup: str, seed: int, which: Which, seconds: float) 
 
     **Raises:** `RunFolderError` if the run has no such lane, or what is stored of it is damaged.
     """
+    problem = run.experiment.require_plant("a walk to draw")
     title = f"{setup}, seed {seed}"
     if seconds <= STORED_SECONDS:
         stored = run.trajectory(setup, seed, which)
         walk = {name: column[stored["t"] <= seconds + 1e-6] for name, column in stored.items()}
-        return WalkToShow(title, walk, run.behaviour, run.plan.plant)
+        return WalkToShow(title, walk, run.behaviour, problem.plant)
     walk = rollout(
         run.policy(setup, seed, which),
         seconds,
-        semantics=run.plan.semantics,
-        parameters=run.plan.plant,
+        semantics=problem.semantics,
+        parameters=problem.plant,
         behaviour=run.behaviour,
     )
-    return WalkToShow(title, walk, run.behaviour, run.plan.plant)
+    return WalkToShow(title, walk, run.behaviour, problem.plant)

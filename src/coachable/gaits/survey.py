@@ -12,9 +12,10 @@ from jaxtyping import Bool, Float
 
 from coachable.automata.monitor import Monitor
 from coachable.behaviours.behaviour import Behaviour
-from coachable.experiments.run_folder.reader import TrainingRun, Which
+from coachable.experiments.experiment import Which
+from coachable.experiments.recorded_episodes import RecordedWalk, recorded_walk
+from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.run_folder.schemas import GAITS, table_of
-from coachable.experiments.training_walks import RecordedWalk, recorded_walk
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.files import table_bytes, write_atomic
 from coachable.gaits.measures import CONTACT, feet, gait, measures
@@ -32,7 +33,7 @@ class Footfalls:
 
 
 def survey(
-    run: TrainingRun,
+    run: Run,
     episodes: int,
     which: Which = "last",
     tell: Callable[[str, float], None] = lambda name, share: None,
@@ -47,14 +48,14 @@ def survey(
     """
     rows: list[dict[str, Any]] = []
     first: dict[str, list[Footfalls]] = {}
-    for setup in run.plan.setups:
-        for seed in run.plan.seeds:
+    for setup in run.experiment.setups:
+        for seed in run.experiment.seeds:
             for episode in range(episodes):
                 walk = recorded_walk(run, setup.name, seed, which, episode)
                 if not feet(walk):
                     raise ParameterError(
-                        f"{run.plan.env} has no signal that ends in {CONTACT}, so its gait cannot be told; "
-                        "give the plan such a signal for every foot, 1 while it is on the ground"
+                        f"{run.experiment.problem.robot} has no signal that ends in {CONTACT}, so there are "
+                        "no footfalls; give the plan one for every foot, 1 while it is on the ground"
                     )
                 rows.append(
                     {"lane": run.lane(setup.name, seed).name, "episode": episode, **_row(run.behaviour, walk)}

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
+from coachable.rewards.phase_reward import Variant
 
 Semantics = Literal["paper", "released-code"]
 
@@ -75,3 +76,27 @@ def paper_setup(name: str) -> RewardSetup:
     if name not in PAPER_SETUPS:
         raise ParameterError(f"unknown reward setup {name!r}; {suggestion(name, PAPER_SETUPS)}")
     return PAPER_SETUPS[name]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DescribedSetup:
+    """How a lane in a Gymnasium environment is paid: by the environment, and for the behaviour.
+
+    **Raises:** `ParameterError` for a number that is not finite.
+    """
+
+    name: str
+    weight: float = 1.0
+    """Factor of the behaviour's reward; 0 watches the behaviour without paying for it."""
+    replace: bool = False
+    """Whether it is paid in place of the environment's own reward."""
+    terms: Mapping[str, float] = field(default_factory=dict, hash=False)
+    """If given, the environment's own reward is put together anew: weights of numbers in its info."""
+    reward_variant: Variant = "stay"
+    cycle_bonus: float = 0.0
+    append_phase: bool = False
+
+    def __post_init__(self):
+        for key, value in {"weight": self.weight, "cycle_bonus": self.cycle_bonus, **self.terms}.items():
+            if not math.isfinite(value):
+                raise ParameterError(f"{key} must be a finite number, got {value!r}")

@@ -99,7 +99,7 @@ def render(studies: Sequence[StudyReport], problems: Sequence[str], bibtex: str)
         data=Markup(safe_json({"studies": data})),
         studies=studies,
         problems=[*problems, *(problem for study in studies for problem in study.problems)],
-        headings=[heading(study.runs) if study.runs else study.run.plan.name for study in studies],
+        headings=[heading(study.runs) if study.runs else study.run.experiment.name for study in studies],
         summaries=[summary(study.claims) if study.claims else "" for study in studies],
         single=len(studies) == 1 and any(claim.comparisons for claim in studies[0].claims),
         claims=_claims(studies),

@@ -25,19 +25,21 @@ class Provenance:
 
 def provenance(study: StudyReport) -> Provenance:
     """The provenance of a study, from its manifest."""
-    manifest, plan = study.run.manifest, study.run.plan
+    manifest, plan = study.run.manifest, study.run.experiment
     hashes = {name: digest for name, digest in manifest["files"].items() if not name.startswith("policies/")}
     out = f"runs/{study.run.path.resolve().name}"
     commands = [
         "# with the plan below saved as plan.toml",
-        f"coachable study plan.toml --out {out}",
+        f"coachable train plan.toml --out {out}",
         f"coachable table {out}",
         f"coachable report {out}",
         f"coachable watch {out} --setup {plan.setups[0].name} --seed {plan.first_seed} -o gait.gif",
     ]
     made = dict(manifest["versions"]) | dict(manifest["platform"])
     made["commit"] = manifest.get("git_commit")
-    made["lanes side by side"] = manifest["device_layout"].get("group_widths")
+    made["lanes side by side"] = manifest["device_layout"].get(
+        "batch_sizes", manifest["device_layout"].get("group_widths")
+    )
     made["wall time"] = _seconds(manifest.get("wall_seconds"))
     made["processor time"] = _seconds(manifest.get("cpu_seconds"))
     if manifest["resumed_under"]:

@@ -23,7 +23,7 @@ from coachable.analysis.sections import Section, sections_of
 from coachable.behaviours.expressions import Number, Variable
 from coachable.behaviours.predicates import Comparison, Predicate
 from coachable.behaviours.rewriting import conjuncts
-from coachable.experiments.run_folder.reader import Run, load_run
+from coachable.experiments.run_folder.reader import Run, open_run
 from coachable.foundation.errors import RunFolderError
 
 Tell = Callable[[str], None]
@@ -55,7 +55,7 @@ class StudyReport:
         """How far a study under way has come, in a sentence; empty for a complete one."""
         if self.complete:
             return ""
-        plan, word = self.run.plan, "interrupted" if self.run.status == "interrupted" else "under way"
+        plan, word = self.run.experiment, "interrupted" if self.run.status == "interrupted" else "under way"
         if self.runs is None:
             return f"{self.label} is {word}; nothing can be shown of it yet."
         num_lanes = sum(setup.num_runs for setup in self.runs.setups)
@@ -66,7 +66,8 @@ class StudyReport:
 
     def data(self, most_walks: int) -> dict[str, Any]:
         """What the page's script reads, with at most so many walks."""
-        plan, lanes = self.run.plan, self._lanes()
+        experiment, lanes = self.run.experiment, self._lanes()
+        problem = experiment.require_plant("the page's walkers")
         by_setup = {name: [lane for lane in lanes if lane["setup"] == name] for name in self.setup_names}
         share = most_walks // max(1, len(by_setup))
         chosen = {
@@ -77,10 +78,10 @@ class StudyReport:
         }
         for lane in lanes:
             lane["walk"] = packed_walk(self.walks[lane["name"]]) if id(lane) in chosen else None
-        plant = plan.plant
+        plant = problem.plant
         return {
             "label": self.label,
-            "distance": "hip" if plan.distance == "hip_x" else "stance foot",
+            "distance": "hip" if problem.distance == "hip_x" else "stance foot",
             "plant": {
                 "leg": plant.leg_length,
                 "a": plant.a,
@@ -92,7 +93,7 @@ class StudyReport:
                 {"name": phase.name, "title": phase.title, "box": _box(phase.predicate)}
                 for phase in self.run.behaviour.phases
             ],
-            "steps": plan.steps,
+            "steps": experiment.steps,
             "wallSeconds": self.run.manifest.get("wall_seconds") if self.complete else None,
             "setups": list(self.setup_names),
             "curves": curves(self.runs) if self.runs else [],
@@ -104,7 +105,7 @@ class StudyReport:
     @property
     def setup_names(self) -> tuple[str, ...]:
         """The plan's setups, in its order."""
-        return tuple(setup.name for setup in self.run.plan.setups)
+        return tuple(setup.name for setup in self.run.experiment.setups)
 
     def _lanes(self) -> list[dict[str, Any]]:
         """Every lane that was measured or whose walk is stored, the farthest of each setup first."""
@@ -133,7 +134,7 @@ def read_study(path: Path, tell: Tell) -> StudyReport:
     **Raises:** `RunFolderError` if the folder itself, its plan or its behaviour cannot be read.
     """
     tell(f"{path}: reading")
-    run = load_run(path)
+    run = open_run(path)
     problems: list[str] = []
     runs, claims, sections, walks = None, (), (), {}
     try:
@@ -155,17 +156,18 @@ def read_study(path: Path, tell: Tell) -> StudyReport:
         sections = (*sections, *_passports(path))
     except RunFolderError as error:
         problems.append(str(error))
-    return StudyReport(run.plan.name, run, runs, claims, sections, walks, tuple(problems))
+    return StudyReport(run.experiment.name, run, runs, claims, sections, walks, tuple(problems))
 
 
 def labels(studies: Sequence[StudyReport]) -> tuple[str, ...]:
     """A short name for each study: the first thing in which they all differ."""
-    plans = [study.run.plan for study in studies]
+    plans = [study.run.experiment for study in studies]
+    problems = [plan.require_plant("the page's walkers") for plan in plans]
     for names in (
         [plan.name for plan in plans],
-        [f"{plan.semantics} semantics" for plan in plans],
-        [f"trained by {plan.trainer}" for plan in plans],
-        [f"reward read as {plan.reward_variant}" for plan in plans],
+        [f"{problem.semantics} semantics" for problem in problems],
+        [f"trained by {plan.trainer.name}" for plan in plans],
+        [f"reward read as {problem.reward_variant}" for problem in problems],
         [study.run.path.resolve().name for study in studies],
     ):
         if len(set(names)) == len(studies):

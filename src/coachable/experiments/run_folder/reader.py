@@ -1,12 +1,12 @@
-"""The run folder, format_version 1, for its readers: tables, policies and trajectories, each checked."""
+"""The run folder for its readers, format_version 1 and 2: tables, policies and trajectories, each checked."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
@@ -16,9 +16,9 @@ from safetensors.numpy import load
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.text.parser import parse
-from coachable.experiments.plan import Lane, Study, parse_plan
-from coachable.experiments.run_folder.schemas import FORMAT_VERSION, GAITS, SCHEMAS, TRAINING_SCHEMAS
-from coachable.experiments.training import Training, parse_training
+from coachable.experiments.experiment import Experiment, Lane, Which
+from coachable.experiments.plan import parse_plan
+from coachable.experiments.run_folder.schemas import GAITS, READABLE, schemas
 from coachable.foundation.errors import BehaviourError, PlanError, RunFolderError
 from coachable.foundation.files import read_bytes, table_from
 from coachable.foundation.suggestion import suggestion
@@ -26,11 +26,10 @@ from coachable.foundation.suggestion import suggestion
 if TYPE_CHECKING:
     from coachable.learning.policy import Policy
 
-Which = Literal["last", "best"]
 BASELINE = "virtual-gravity"
 """The lane under which the baseline's trajectory is kept."""
 
-_FOR_ALL: dict[str, type] = {
+_MANIFEST: Mapping[str, type] = {
     "status": str,
     "versions": dict,
     "platform": dict,
@@ -39,21 +38,45 @@ _FOR_ALL: dict[str, type] = {
     "reward_hashes": dict,
     "files": dict,
 }
-_MANIFEST_KEYS = {"study": _FOR_ALL | {"baseline": dict}, "training": _FOR_ALL | {"env": str}}
-Plan = TypeVar("Plan", "Study", "Training")
 
 
 @dataclass(frozen=True, eq=False)
-class StoredRun(Generic[Plan]):
-    """What was left in a folder, complete or under way. Reading changes nothing.
+class Run:
+    """What an experiment left in its folder, complete or under way. Reading changes nothing.
 
     Every method raises `RunFolderError` naming the file that is missing or damaged.
     """
 
     path: Path
-    plan: Plan
-    behaviour: Behaviour
+    experiment: Experiment
     manifest: Mapping[str, Any]
+
+    @staticmethod
+    def open(path: str | Path) -> Run:
+        """The run in this folder."""
+        path = Path(path)
+        if not path.is_dir():
+            raise RunFolderError(f"{path} is not a folder; give the --out of `coachable train`")
+        if not (path / "manifest.json").exists():
+            raise RunFolderError(f"{path} is not a run folder: it has no manifest.json")
+        manifest = _manifest(path / "manifest.json")
+        hashes = manifest["files"]
+        text = _text(path / "behaviour.behaviour", hashes.get("behaviour.behaviour"))
+        try:
+            behaviour = parse(text)
+        except BehaviourError as error:
+            raise RunFolderError(f"{path / 'behaviour.behaviour'} is damaged: {error}") from None
+        plan = path / "plan.toml"
+        try:
+            experiment = parse_plan(_text(plan, hashes.get("plan.toml")), str(plan), behaviour=behaviour)
+        except PlanError as error:
+            raise RunFolderError(f"{plan} is damaged: {error}") from None
+        return Run(path, experiment, manifest)
+
+    @property
+    def behaviour(self) -> Behaviour:
+        """The described behaviour."""
+        return self.experiment.behaviour
 
     @property
     def status(self) -> str:
@@ -62,67 +85,71 @@ class StoredRun(Generic[Plan]):
 
     @property
     def lanes(self) -> tuple[Lane, ...]:
-        """Every (setup, seed), setup by setup."""
-        return self.plan.lanes
+        """Every (setup, seed), in the order of training."""
+        return self.experiment.lanes
 
-    def lane(self, setup: str, seed: int) -> Lane:
-        """The lane of this setup and seed, which the plan must have."""
-        names = [s.name for s in self.plan.setups]
+    @property
+    def baseline(self) -> Mapping[str, Any] | None:
+        """The episode of the plant's baseline controller under the experiment's rewards; `None` without one.
+
+        `hip_x`, `foot_x` [m], `length`, `fell`, `share_in_cycle`, `terms` (sums by name), `returns` by setup.
+        """
+        return self.manifest.get("baseline")
+
+    def lane(self, setup: str | None = None, seed: int | None = None) -> Lane:
+        """The lane of this setup and seed, which the experiment must have; by default its first ones."""
+        names, seeds = self.experiment.setup_names, self.experiment.seeds
+        setup, seed = names[0] if setup is None else setup, seeds[0] if seed is None else seed
         if setup not in names:
             raise RunFolderError(f"{self.path} has no setup {setup!r}; {suggestion(setup, names)}")
-        if seed not in self.plan.seeds:
-            seeds = self.plan.seeds
+        if seed not in seeds:
             raise RunFolderError(f"{self.path} has no seed {seed}; it has {seeds[0]} to {seeds[-1]}")
         return Lane(setup, seed)
 
     def policy(self, setup: str, seed: int, which: Which = "last") -> Policy:
         """The lane's learned controller: the `last`, or the `best` by evaluation return."""
-        return self._files.policy(self.lane(setup, seed), which)
+        from coachable.learning.policy import Policy
 
-    @property
-    def _files(self) -> RunFiles:
-        return RunFiles(self.path, self.manifest)
+        stem = f"policies/{self.lane(setup, seed).name}-{which}"
+        weights = self.path / f"{stem}.safetensors"
+        try:
+            description = _object(self._read(f"{stem}.json"), self.path / f"{stem}.json")
+            return Policy.of(load(self._read(f"{stem}.safetensors")), description)
+        except (SafetensorError, RunFolderError) as error:
+            if isinstance(error, RunFolderError) and str(self.path) in str(error):
+                raise
+            raise RunFolderError(f"{weights} is damaged: {error}") from None
 
-
-@dataclass(frozen=True, eq=False)
-class Run(StoredRun[Study]):
-    """What a study of the compass walker left in its folder."""
-
-    @staticmethod
-    def open(path: str | Path) -> Run:
-        """The run in this folder."""
-        files = RunFiles.open(path)
-        if files.kind != "study":
-            raise RunFolderError(
-                f"{path} holds the training of {files.manifest['env']!r}, not a study of the compass walker; "
-                "there are `coachable table`, `watch` and `export` for it"
-            )
-        return Run(files.path, files.plan(parse_plan), files.behaviour(), files.manifest)
-
-    @property
-    def baseline(self) -> Mapping[str, Any]:
-        """The virtual gravity controller's episode under the study's rewards.
-
-        `hip_x`, `foot_x` [m], `length`, `fell`, `share_in_cycle`, `terms` (sums by name), `returns` by setup.
-        """
-        return self.manifest["baseline"]
+    def has_table(self, name: str) -> bool:
+        """Whether a table has been written."""
+        return (self.path / f"{name}.parquet").exists()
 
     def table(self, name: str) -> pa.Table:
-        """`episodes`, `evaluations`, `trajectories` or `survival`, columns as in `schemas.py`."""
-        if name not in SCHEMAS:
-            raise RunFolderError(f"a run has no table {name!r}; {suggestion(name, SCHEMAS)}")
-        return self._files.table(name, SCHEMAS[name])
+        """A table of the run, columns as in `schemas`; `gaits` is there once the gaits were measured."""
+        if name == "gaits":
+            if not self.has_table(name):
+                raise RunFolderError(
+                    f"{self.path} has no gaits yet; measure them: coachable gait {self.path}"
+                )
+            schema = GAITS
+        else:
+            known = schemas(self.experiment.problem)
+            if name not in known:
+                robot = self.experiment.problem.robot
+                raise RunFolderError(f"a run of {robot} has no table {name!r}; {suggestion(name, known)}")
+            schema = known[name]
+        return table_from(self._read(f"{name}.parquet"), self.path / f"{name}.parquet", schema)
 
     def columns(self, name: str) -> dict[str, np.ndarray]:
         """The same table as NumPy arrays by column."""
         return _columns(self.table(name))
 
     def trajectory(self, setup: str, seed: int, which: Which = "last") -> dict[str, np.ndarray]:
-        """The stored evaluation episode of one lane, as NumPy arrays by column."""
+        """The stored evaluation episode of one lane of a plant, as NumPy arrays by column."""
         return self._trajectory(self.lane(setup, seed).name, which)
 
     def baseline_trajectory(self) -> dict[str, np.ndarray]:
-        """The stored episode of the virtual gravity controller, as NumPy arrays by column."""
+        """The stored episode of the baseline controller, as NumPy arrays by column."""
         return self._trajectory(BASELINE, "baseline")
 
     def _trajectory(self, lane: str, which: str) -> dict[str, np.ndarray]:
@@ -134,129 +161,40 @@ class Run(StoredRun[Study]):
             )
         return _columns(rows.drop_columns(["lane", "which"]))
 
-
-@dataclass(frozen=True, eq=False)
-class TrainingRun(StoredRun[Training]):
-    """What a training in somebody's environment left in its folder."""
-
-    @staticmethod
-    def open(path: str | Path) -> TrainingRun:
-        """The training in this folder."""
-        files = RunFiles.open(path)
-        if files.kind != "training":
-            raise RunFolderError(f"{path} holds a study of the compass walker, not a training")
-        return TrainingRun(files.path, files.plan(parse_training), files.behaviour(), files.manifest)
-
-    def columns(self, name: str) -> dict[str, np.ndarray]:
-        """`episodes` or `evaluations` as NumPy arrays, columns as in `schemas.py`."""
-        if name not in TRAINING_SCHEMAS:
-            raise RunFolderError(f"a training has no table {name!r}; {suggestion(name, TRAINING_SCHEMAS)}")
-        return _columns(self._files.table(name, TRAINING_SCHEMAS[name]))
-
-    def gaits(self) -> dict[str, np.ndarray]:
-        """What `coachable gait` found, as NumPy arrays, columns as in `schemas.py`."""
-        if not (self.path / "gaits.parquet").exists():
-            raise RunFolderError(f"{self.path} tells no gaits yet; ask `coachable gait {self.path}`")
-        return _columns(self._files.table("gaits", GAITS))
-
-
-@dataclass(frozen=True, eq=False)
-class RunFiles:
-    """The files that all run folders have, each read with its check."""
-
-    path: Path
-    manifest: Mapping[str, Any]
-
-    @staticmethod
-    def open(path: str | Path) -> RunFiles:
-        """The folder's files."""
-        path = Path(path)
-        if not path.is_dir():
-            raise RunFolderError(f"{path} is not a folder; give the --out of a study")
-        if not (path / "manifest.json").exists():
-            raise RunFolderError(f"{path} is not a run folder: it has no manifest.json")
-        manifest = _json(path / "manifest.json")
-        version = manifest.get("format_version")
-        if version != FORMAT_VERSION:
+    def _read(self, name: str) -> bytes:
+        path = self.path / name
+        if not path.exists() and self.status != "complete":
             raise RunFolderError(
-                f"{path} has format_version {version!r}; this coachable reads {FORMAT_VERSION}. "
-                "Use the version of coachable that wrote it"
+                f"{path} is not there yet: the run is {self.status}. "
+                "Give the command that began it again to go on"
             )
-        files = RunFiles(path, manifest)
-        for key, kind in _MANIFEST_KEYS[files.kind].items():
-            if key not in manifest:
-                raise RunFolderError(f"{path / 'manifest.json'} is damaged: it lacks {key!r}")
-            if not isinstance(manifest[key], kind):
-                raise RunFolderError(
-                    f"{path / 'manifest.json'} is damaged: {key!r} cannot be {manifest[key]!r}"
-                )
-        return files
-
-    @property
-    def kind(self) -> Literal["study", "training"]:
-        """Whether the compass walker was studied, or a robot trained in an environment of Gymnasium's."""
-        return "training" if "env" in self.manifest else "study"
-
-    def plan(self, parse: Callable[[str, str], Plan]) -> Plan:
-        """The resolved plan."""
-        path = self.path / "plan.toml"
-        try:
-            return parse(_text(path, self._hash(path)), str(path))
-        except PlanError as error:
-            raise RunFolderError(f"{path} is damaged: {error}") from None
-
-    def behaviour(self) -> Behaviour:
-        """The described behaviour."""
-        path = self.path / "behaviour.behaviour"
-        try:
-            return parse(_text(path, self._hash(path)))
-        except BehaviourError as error:
-            raise RunFolderError(f"{path} is damaged: {error}") from None
-
-    def table(self, name: str, schema: pa.Schema) -> pa.Table:
-        """A table, with the columns of the schema."""
-        path = self.path / f"{name}.parquet"
-        return table_from(self._read(path), path, schema)
-
-    def policy(self, lane: Lane, which: Which) -> Policy:
-        """A lane's learned controller."""
-        from coachable.learning.policy import Policy
-
-        stem = self.path / "policies" / f"{lane.name}-{which}"
-        weights, description = stem.with_name(f"{stem.name}.safetensors"), stem.with_name(f"{stem.name}.json")
-        try:
-            return Policy.of(load(self._read(weights)), _json(description, self._hash(description)))
-        except (SafetensorError, RunFolderError) as error:
-            if isinstance(error, RunFolderError) and str(self.path) in str(error):
-                raise
-            raise RunFolderError(f"{weights} is damaged: {error}") from None
-
-    def _hash(self, path: Path) -> str | None:
-        return self.manifest["files"].get(path.relative_to(self.path).as_posix())
-
-    def _read(self, path: Path) -> bytes:
-        if not path.exists() and self.manifest["status"] != "complete":
-            raise RunFolderError(
-                f"{path} is not there yet: the run is {self.manifest['status']}. "
-                f"Run its {self.kind} again to go on"
-            )
-        return read_bytes(path, self._hash(path))
+        return read_bytes(path, self.manifest["files"].get(name))
 
 
-def load_run(path: str | Path) -> Run:
-    """The run in a folder that `coachable study` wrote.
+def open_run(path: str | Path) -> Run:
+    """The run in a folder.
 
     **Raises:** `RunFolderError` naming what is wrong with it.
     """
     return Run.open(path)
 
 
-def open_run(path: str | Path) -> Run | TrainingRun:
-    """The study or the training in a folder.
-
-    **Raises:** `RunFolderError` naming what is wrong with it.
-    """
-    return (Run if RunFiles.open(path).kind == "study" else TrainingRun).open(path)
+def _manifest(path: Path) -> dict[str, Any]:
+    manifest = _object(read_bytes(path), path)
+    version = manifest.get("format_version")
+    if version not in READABLE:
+        raise RunFolderError(
+            f"{path.parent} has format_version {version!r}; this coachable reads "
+            f"{' and '.join(map(str, READABLE))}. Use the version of coachable that wrote it"
+        )
+    for key, kind in _MANIFEST.items():
+        if key not in manifest:
+            raise RunFolderError(f"{path} is damaged: it lacks {key!r}")
+        if not isinstance(manifest[key], kind):
+            raise RunFolderError(f"{path} is damaged: {key!r} cannot be {manifest[key]!r}")
+    if not isinstance(manifest.get("baseline"), dict | None):
+        raise RunFolderError(f"{path} is damaged: 'baseline' cannot be {manifest['baseline']!r}")
+    return manifest
 
 
 def _columns(table: pa.Table) -> dict[str, np.ndarray]:
@@ -273,10 +211,10 @@ def _text(path: Path, sha256: str | None = None) -> str:
         raise RunFolderError(f"{path} is damaged: it is not text") from None
 
 
-def _json(path: Path, sha256: str | None = None) -> dict[str, Any]:
+def _object(content: bytes, path: Path) -> dict[str, Any]:
     try:
-        data = json.loads(_text(path, sha256))
-    except json.JSONDecodeError as error:
+        data = json.loads(content.decode())
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise RunFolderError(f"{path} is damaged: {error}") from None
     if not isinstance(data, dict):
         raise RunFolderError(f"{path} is damaged: it holds no object")

@@ -1,4 +1,4 @@
-"""The tables of a run folder, format_version 1: their columns, types and units."""
+"""The tables of a run folder, format_version 2: their columns, types and units."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from types import MappingProxyType
 import numpy as np
 import pyarrow as pa
 
+from coachable.envs.problem import PlantProblem, Problem
 from coachable.plants.compass import STATE_NAMES
 from coachable.rewards.setup import TERM_NAMES
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+READABLE = (1, 2)
+"""Format versions that the reader knows. Their tables are the same but for columns that were added."""
 
 
 def _columns(*columns: tuple[str, pa.DataType, str]) -> pa.Schema:
@@ -27,7 +30,7 @@ _LANE = ("lane", pa.string(), "")
 _TERMS = [(name, pa.float32(), "") for name in TERM_NAMES]
 _STATE_UNITS = ("rad", "rad", "rad/s", "rad/s")
 
-SCHEMAS: Mapping[str, pa.Schema] = MappingProxyType(
+_OF_PLANT: Mapping[str, pa.Schema] = MappingProxyType(
     {
         "episodes": _columns(
             _LANE,
@@ -47,6 +50,7 @@ SCHEMAS: Mapping[str, pa.Schema] = MappingProxyType(
             ("share_in_cycle", pa.float32(), ""),
             *_TERMS,
         ),
+        "survival": _columns(_LANE, ("seconds_up", pa.float32(), "s"), ("perturbed_up", pa.float32(), "")),
         "trajectories": _columns(
             _LANE,
             ("which", pa.string(), ""),
@@ -58,15 +62,8 @@ SCHEMAS: Mapping[str, pa.Schema] = MappingProxyType(
             ("phase", pa.int8(), ""),
             *_TERMS,
         ),
-        "survival": _columns(_LANE, ("seconds_up", pa.float32(), "s"), ("perturbed_up", pa.float32(), "")),
     }
 )
-"""By table name.
-
-`lane` is `setup-seed`, or a baseline's name. Terms are unweighted: in `evaluations` sums over the episode,
-in `trajectories` what the step that began at `t` paid. `phase` counts the behaviour's phases from 0; outside
-all of them is their number.
-"""
 
 _PAID = (
     ("return", pa.float32(), ""),
@@ -76,7 +73,7 @@ _PAID = (
     ("fell", pa.bool_(), ""),
     ("share_in_cycle", pa.float32(), ""),
 )
-TRAINING_SCHEMAS: Mapping[str, pa.Schema] = MappingProxyType(
+_OF_ENVIRONMENT: Mapping[str, pa.Schema] = MappingProxyType(
     {
         "episodes": _columns(_LANE, ("end_step", pa.int64(), ""), *_PAID),
         "evaluations": _columns(
@@ -88,13 +85,6 @@ TRAINING_SCHEMAS: Mapping[str, pa.Schema] = MappingProxyType(
         ),
     }
 )
-"""The tables of a training in somebody's environment, one row an episode.
-
-`return` is what the lane was trained for; `environment` what the environment itself paid; `behaviour` what
-the described reward came to, with its weight. `fell` says that the episode terminated, and was not cut off.
-`share_in_cycle` is the share of steps in a phase; `distance` how far `x_position` in the infos moved, NaN
-where they have none.
-"""
 
 GAITS = _columns(
     _LANE,
@@ -115,11 +105,27 @@ GAITS = _columns(
     ("lag", pa.float32(), ""),
     ("asymmetry", pa.float32(), "%"),
 )
-"""What `coachable gait` finds, one row an episode; see `verification.gaits.measures`.
+"""What `coachable gait` measures, one row an episode; see `gaits.measures`.
 
 `follows` is the share of steps that belong to the behaviour; `cycles` how many of its cycles are completed a
-second, NaN if it has none; `dt` the time between two steps.
+second, NaN if it has none; `dt` the time between two steps; `environment` the return without the behaviour's
+part.
 """
+
+
+def schemas(problem: Problem) -> Mapping[str, pa.Schema]:
+    """The tables of a problem's runs by name.
+
+    `lane` is `setup-seed`, or a baseline's name. `fell` says that the episode ended in a fall; in a Gymnasium
+    environment, that it terminated and was not truncated. `share_in_cycle` is the share of steps in a phase.
+
+    - A plant's: terms are unweighted; in `evaluations` sums over the episode, in `trajectories` of the step
+      that began at `t`. `phase` counts the behaviour's phases from 0; outside all of them is their number.
+    - A Gymnasium environment's, one row an episode: `return` is what the lane was trained for, `environment`
+      the environment's own return, `behaviour` the described reward's with its weight; `distance` is how far
+      `x_position` in the infos moved, NaN where there is none.
+    """
+    return _OF_PLANT if isinstance(problem, PlantProblem) else _OF_ENVIRONMENT
 
 
 def table_of(schema: pa.Schema, columns: Mapping[str, np.ndarray | list]) -> pa.Table:

@@ -1,28 +1,25 @@
-"""The run folder, format_version 1, for its writer: begun, checked before it is continued, completed."""
+"""The run folder, format_version 2, for its writer: begun, checked before it is continued, completed."""
 
 from __future__ import annotations
 
 import json
 import shutil
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 
-from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.text.printer import to_text
 from coachable.diagram.draw import automaton_svg
-from coachable.experiments.plan import Study, differences
+from coachable.experiments.experiment import Experiment, differences
 from coachable.experiments.run_folder.provenance import environment, environment_differences
-from coachable.experiments.run_folder.reader import Run, TrainingRun
-from coachable.experiments.run_folder.schemas import FORMAT_VERSION, SCHEMAS
-from coachable.experiments.training import Training
+from coachable.experiments.run_folder.reader import Run
+from coachable.experiments.run_folder.schemas import FORMAT_VERSION
 from coachable.foundation.errors import RunFolderError
 from coachable.foundation.files import hash_of, read_bytes, table_bytes, write_atomic
-from coachable.rewards.reward_hash import hash_of_paid, reward_hash
 
 _FIRST_FILES = ("plan.toml", "behaviour.behaviour", "automaton.svg")
 
@@ -42,12 +39,11 @@ class RunFolder:
     @staticmethod
     def begin(
         path: Path,
-        plan: Study | Training,
-        behaviour: Behaviour,
-        group_widths: tuple[int, ...],
-        **about: Any,
+        experiment: Experiment,
+        batch_sizes: tuple[int, ...],
+        baseline: Mapping[str, Any] | None,
     ) -> RunFolder:
-        """A new run folder, with what it is `about` in its manifest.
+        """A new run folder, with the baseline's episode in its manifest.
 
         **Raises:** `RunFolderError` if other files are there.
         """
@@ -67,47 +63,43 @@ class RunFolder:
                 "format_version": FORMAT_VERSION,
                 "status": "running",
                 **environment(),
-                "device_layout": {"group_widths": list(group_widths)},
+                "device_layout": {"batch_sizes": list(batch_sizes)},
                 "resumed_under": [],
-                "reward_hashes": _reward_hashes(plan, behaviour),
-                **about,
+                "reward_hashes": experiment.reward_hashes(),
+                "baseline": baseline,
                 "wall_seconds": 0.0,
                 "cpu_seconds": 0.0,
                 "files": {},
             },
         )
         folder.make_folders()
-        folder.write("plan.toml", plan.to_toml())
-        folder.write("behaviour.behaviour", to_text(behaviour))
-        folder.write("automaton.svg", automaton_svg(behaviour))
+        folder.write("plan.toml", experiment.to_toml())
+        folder.write("behaviour.behaviour", to_text(experiment.behaviour))
+        folder.write("automaton.svg", automaton_svg(experiment.behaviour))
         folder.write_manifest()
         return folder
 
     @staticmethod
-    def resume(
-        run: Run | TrainingRun,
-        plan: Study | Training,
-        behaviour: Behaviour,
-        allow_different_layout: bool = False,
-    ) -> RunFolder:
+    def resume(run: Run, experiment: Experiment, allow_different_layout: bool = False) -> RunFolder:
         """The folder of a run that is to go on. A complete one is checked file by file.
 
         **Raises:** `RunFolderError` if it belongs to another plan or behaviour, showing the difference; if a
-        file is missing or damaged, naming it; or if versions or machine are others than those it was begun
-        with.
+        file is missing or damaged, naming it; if it is unfinished and of format_version 1; or if versions or
+        machine are others than those it was begun with.
         """
         path, manifest = run.path, dict(run.manifest)
-        same = run.behaviour == behaviour
+        same = run.behaviour == experiment.behaviour
         # The text counts, not where it lies.
-        if changed := differences(run.plan, replace(plan, behaviour=run.plan.behaviour) if same else plan):
+        ours = replace(experiment, described_by=run.experiment.described_by) if same else experiment
+        if changed := differences(run.experiment, ours):
             raise RunFolderError(
                 f"{path} belongs to another plan. Its plan → this one:\n  "
                 + "\n  ".join(changed)
                 + "\nName another folder with --out, or give the plan it belongs to"
             )
-        if not same or manifest["reward_hashes"] != _reward_hashes(plan, behaviour):
+        if not same or manifest["reward_hashes"] != experiment.reward_hashes():
             raise RunFolderError(
-                f"{path} was begun with another description of {plan.behaviour!r}; "
+                f"{path} was begun with another description of {experiment.described_by!r}; "
                 "name another folder with --out"
             )
         folder = RunFolder(path, manifest)
@@ -115,6 +107,12 @@ class RunFolder:
             for name, sha256 in manifest["files"].items():
                 read_bytes(path / name, sha256)
             return folder
+        if manifest["format_version"] != FORMAT_VERSION:
+            raise RunFolderError(
+                f"{path} is unfinished and of format_version {manifest['format_version']}, which this "
+                f"coachable reads but cannot go on with: it writes {FORMAT_VERSION}. Name another folder "
+                "with --out, or finish it with the version that began it"
+            )
         now = environment()
         if changed := environment_differences((manifest["resumed_under"] or [manifest])[-1], now):
             if not allow_different_layout:
@@ -132,18 +130,18 @@ class RunFolder:
         return folder
 
     @property
-    def group_widths(self) -> tuple[int, ...]:
-        """How many lanes each group has."""
-        return tuple(self.manifest["device_layout"]["group_widths"])
+    def batch_sizes(self) -> tuple[int, ...]:
+        """How many lanes each batch has."""
+        return tuple(self.manifest["device_layout"]["batch_sizes"])
 
     def make_folders(self) -> None:
         """Make the folders inside, where they are missing."""
         for name in ("checkpoints", "policies"):
             (self.path / name).mkdir(exist_ok=True)
 
-    def checkpoint(self, group: int) -> Path:
-        """Where the checkpoint of a group lies."""
-        return self.path / "checkpoints" / f"group-{group:03d}.safetensors"
+    def checkpoint(self, batch: int) -> Path:
+        """Where the checkpoint of a batch lies."""
+        return self.path / "checkpoints" / f"batch-{batch:03d}.safetensors"
 
     def write(self, name: str, data: bytes | str) -> None:
         """Write a file of the folder."""
@@ -163,7 +161,7 @@ class RunFolder:
             self.manifest["status"] = status
         self.write("manifest.json", json.dumps(self.manifest, indent=2, ensure_ascii=False) + "\n")
 
-    def complete(self, tables: Iterable[str] = SCHEMAS) -> None:
+    def complete(self, tables: Iterable[str]) -> None:
         """Say that everything is there, with the hash of every file; checkpoints are no longer needed."""
         names = [*_FIRST_FILES, *(f"{name}.parquet" for name in tables)]
         names += sorted(f"policies/{path.name}" for path in (self.path / "policies").iterdir())
@@ -174,21 +172,3 @@ class RunFolder:
     def remove_checkpoints(self) -> None:
         """Remove what only an unfinished run needs."""
         shutil.rmtree(self.path / "checkpoints", ignore_errors=True)
-
-
-def _reward_hashes(plan: Study | Training, behaviour: Behaviour) -> dict[str, str]:
-    if isinstance(plan, Study):
-        variant, semantics = plan.reward_variant, plan.semantics
-        return {setup.name: reward_hash(behaviour, variant, semantics, setup) for setup in plan.setups}
-    return {
-        setup.name: hash_of_paid(
-            behaviour,
-            setup.reward_variant,
-            weight=repr(setup.weight + 0.0),
-            replace=setup.replace,
-            terms={name: repr(weight + 0.0) for name, weight in sorted(setup.terms.items())},
-            cycle_bonus=repr(setup.cycle_bonus + 0.0),
-            signals=dict(sorted(plan.signals.items())),
-        )
-        for setup in plan.setups
-    }

@@ -8,8 +8,9 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.baselines import CONTROLLER_NAMES, WALKING_TORQUE, ControllerName
 from coachable.envs.walking_task import Clock
+from coachable.experiments.experiment import Which
 from coachable.experiments.plan import IMPLIED
-from coachable.experiments.run_folder.reader import Run, Which
+from coachable.experiments.run_folder.reader import Run
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.files import hash_of, read_bytes
 from coachable.foundation.suggestion import suggestion
@@ -44,6 +45,7 @@ def lane_subject(run: Run, setup: str, seed: int, which: Which = "last") -> Subj
 
     **Raises:** `RunFolderError` if the run has no such lane, or its policy is missing or damaged.
     """
+    problem = run.experiment.require_plant("a gait passport")
     lane = run.lane(setup, seed).name
     policy = run.policy(setup, seed, which)
     return Subject(
@@ -53,11 +55,11 @@ def lane_subject(run: Run, setup: str, seed: int, which: Which = "last") -> Subj
             seed=seed,
             which=which,
             policy_sha256=hash_of(read_bytes(run.path / "policies" / f"{lane}-{which}.safetensors")),
-            semantics=run.plan.semantics,
+            semantics=problem.semantics,
             clock="touchdown" if policy.clock == "touchdown" else "free",
         ),
         controller=policy,
-        plant=_plant(run.plan.plant, run.plan.semantics),
+        plant=_plant(problem.plant, problem.semantics),
         behaviour=run.behaviour,
     )
 

@@ -1,4 +1,4 @@
-"""A group of lanes between two turns: their training states, what they have logged, and their checkpoint."""
+"""A batch of lanes between two turns: their training states, what they have logged, and their checkpoint."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from coachable.envs.rollout import Trajectory
-from coachable.envs.walking_task import ACTION_BOX
-from coachable.experiments.compiled import Programs, Tasks, stacked
+from coachable.envs.walking_task import WalkingTask
+from coachable.experiments.experiment import Experiment, Lane, Which
 from coachable.experiments.layout import evaluation_steps, lane_key
 from coachable.experiments.log import Columns, Log
-from coachable.experiments.plan import Lane, Study
-from coachable.experiments.results import LOGS
 from coachable.experiments.run_folder.checkpoint import arrays_of, load_arrays, save_arrays, tree_from
-from coachable.experiments.run_folder.reader import Which
+from coachable.experiments.trainers.compiled import Programs, Tasks, stacked
 from coachable.foundation.errors import RunFolderError
 from coachable.learning.networks import ActorCritic
 from coachable.learning.policy import Policy
@@ -27,23 +25,26 @@ from coachable.plants.compass import STATE_NAMES
 from coachable.rewards.setup import TERM_NAMES
 
 SECONDS_BETWEEN_CHECKPOINTS = 30.0
+LOGS = ("episodes", "evaluations", "survival")
 
 
-class Group:
+class LaneBatch:
     """Lanes that are trained side by side by one program, a `Job` for `take_turns`.
 
     A turn is one PPO update with the evaluations due after it, or, when training is over, the survival test
-    of one lane. Between turns the group is consistent, and is saved from time to time.
+    of one lane. Between turns the batch is consistent, and is saved from time to time.
     """
 
-    def __init__(self, study: Study, lanes: Sequence[Lane], tasks: Tasks, programs: Programs, path: Path):
+    def __init__(
+        self, experiment: Experiment, lanes: Sequence[Lane], tasks: Tasks, programs: Programs, path: Path
+    ):
         self.lanes = tuple(lanes)
-        self.latest: Columns = {}
+        self._latest: Columns = {}
         """The latest evaluation of every lane, by column."""
-        self._study, self._programs, self._path = study, programs, path
+        self._experiment, self._programs, self._path = experiment, programs, path
         self._training = tasks.stacked(tasks.training, lanes)
         self._evaluation = tasks.stacked(tasks.evaluation, lanes)
-        self._due = evaluation_steps(study)
+        self._due = evaluation_steps(experiment)
         self._logs = {name: Log() for name in LOGS}
         self._saved_at = time.monotonic()
         self._consistent = True
@@ -61,7 +62,7 @@ class Group:
     @property
     def num_steps(self) -> int:
         """Training steps of each lane so far."""
-        return self.num_updates * self._study.steps_an_update
+        return self.num_updates * self._experiment.trainer.steps_an_update
 
     @property
     def num_measured(self) -> int:
@@ -76,12 +77,21 @@ class Group:
     @property
     def done(self) -> bool:
         """Whether every lane is trained and tested."""
-        return self.turns == self._study.num_updates + len(self.lanes)
+        return self.turns == self._experiment.num_updates + len(self.lanes)
+
+    def latest(self) -> dict[Lane, Columns]:
+        """The latest evaluation of each lane, a row; empty before the first."""
+        columns = {name: np.asarray(values) for name, values in self._latest.items()}
+        return {
+            lane: {name: values[index : index + 1] for name, values in columns.items()}
+            for index, lane in enumerate(self.lanes)
+            if columns
+        }
 
     def take_turn(self) -> None:
         """One update, or one survival test; a checkpoint if the last one is old."""
         self._consistent = False
-        if self.num_updates < self._study.num_updates:
+        if self.num_updates < self._experiment.num_updates:
             self._update()
         else:
             self._test_one_lane()
@@ -106,7 +116,7 @@ class Group:
         """The last policy of every lane, and the best by evaluation return."""
         return {
             (lane, which): _policy(
-                jax.tree.map(lambda leaf, i=index: jnp.asarray(leaf[i]), networks), self._study
+                jax.tree.map(lambda leaf, i=index: jnp.asarray(leaf[i]), networks), self._evaluation
             )
             for which, networks in self.networks().items()
             for index, lane in enumerate(self.lanes)
@@ -155,7 +165,7 @@ class Group:
             ) from None
         self.num_updates = about["num_updates"]
         self._logs = {name: Log.of(arrays, f"{name}.") for name in LOGS}
-        self.latest = self._logs["evaluations"].last(len(self.lanes))
+        self._latest = self._logs["evaluations"].last(len(self.lanes))
 
     def _update(self) -> None:
         self._states, episodes = self._programs.update(self._training, self._states)
@@ -166,7 +176,7 @@ class Group:
     def _log_episodes(self, episodes: Episodes) -> None:
         lane, step = np.nonzero(episodes.ended)
         if len(lane):
-            end_step = self.num_updates * self._study.ppo.n_steps + step + 1
+            end_step = self.num_steps + step + 1
             columns = {"lane": lane.astype(np.int32), "end_step": end_step}
             columns |= {"return": episodes.episode_return, "length": episodes.length, "fell": episodes.fell}
             self._logs["episodes"].add(
@@ -191,7 +201,7 @@ class Group:
         }
         for step in steps:
             self._logs["evaluations"].add(columns | {"step": np.full(len(self.lanes), step)})
-        self.latest = columns
+        self._latest = columns
         better = found.episode_return > self._best_return
         self._best_return = np.where(better, found.episode_return, self._best_return)
         self._best = jax.tree.map(
@@ -213,13 +223,13 @@ class Group:
         )
 
 
-def _policy(networks: ActorCritic, study: Study) -> Policy:
+def _policy(networks: ActorCritic, task: WalkingTask) -> Policy:
     return Policy(
         weights=tuple(weight for weight, _ in networks.policy_layers),
         biases=tuple(bias for _, bias in networks.policy_layers),
-        low=jnp.asarray(ACTION_BOX[0], jnp.float32),
-        high=jnp.asarray(ACTION_BOX[1], jnp.float32),
+        low=jnp.asarray(task.low[0], jnp.float32),
+        high=jnp.asarray(task.high[0], jnp.float32),
         observation_names=STATE_NAMES,
-        squashing=study.ppo.squashing,
-        clock=study.clock,
+        squashing=task.squashing,
+        clock=task.clock,
     )

@@ -1,9 +1,10 @@
-"""A small training of a pendulum: its folder, its numbers, going on, and what is refused beforehand."""
+"""A small experiment with a pendulum: its folder, its numbers, going on, and what is refused beforehand."""
 
 import json
 import random
 import shutil
 from dataclasses import replace
+from pathlib import Path
 from typing import ClassVar
 
 import gymnasium
@@ -18,11 +19,12 @@ import torch
 from coachable import cli
 from coachable.analysis.training_table import by_seed, final
 from coachable.behaviours.text.parser import parse
-from coachable.experiments.run_folder.reader import Run, TrainingRun, open_run
-from coachable.experiments.training import load_training, parse_training
-from coachable.experiments.training_lane import make_env, require_trainable, walk_episodes
-from coachable.experiments.training_runner import run_training
-from coachable.experiments.training_walks import recorded_walk
+from coachable.experiments.assessment import assessment
+from coachable.experiments.experiment import Lane
+from coachable.experiments.plan import load_plan, parse_plan
+from coachable.experiments.recorded_episodes import recorded_walk
+from coachable.experiments.run_folder.reader import Run
+from coachable.experiments.runner import run_experiment
 from coachable.foundation.errors import BehaviourError, CoachableError, PlanError, RunFolderError
 
 pytestmark = pytest.mark.sb3
@@ -78,27 +80,27 @@ def plan(tmp_path_factory):
 @pytest.fixture(scope="module")
 def run(plan, tmp_path_factory):
     out = tmp_path_factory.mktemp("runs") / "swing"
-    return run_training(load_training(plan), out, progress=False, track=True)
+    return run_experiment(load_plan(plan), out, progress=False, track=True)
 
 
 def test_the_folder_holds_what_was_trained(run):
     assert run.status == "complete"
-    assert run.manifest["env"] == "Pendulum-v1"
-    assert run.plan.name == "Pendulum-v1"
+    assert run.manifest["format_version"] == 2
+    assert run.experiment.name == run.experiment.problem.robot == "Pendulum-v1"
+    assert run.baseline is None
     assert not (run.path / "checkpoints").exists()
     assert {path.name for path in (run.path / "policies").glob("*.json")} == {
         f"{setup}-0-{which}.json" for setup in ("alone", "both") for which in ("last", "best")
     }
     assert list((run.path / "tensorboard" / "both-0").glob("events*"))
-    assert isinstance(open_run(run.path), TrainingRun)
 
 
 def test_evaluations_are_what_the_last_policy_reaches(run):
     columns = run.columns("evaluations")
     assert sorted(set(columns["step"])) == [128, 256]
-    for setup in run.plan.setups:
-        env = make_env(run.plan, setup, run.behaviour)
-        again = walk_episodes(env, run.policy(setup.name, 0), 2, outside=2)
+    for setup in run.experiment.setups:
+        measure = assessment(run.experiment, Lane(setup.name, 0))
+        again = measure.evaluate(run.policy(setup.name, 0))
         mine = (columns["lane"] == f"{setup.name}-0") & (columns["step"] == 256)
         for name in ("return", "environment", "behaviour", "length", "share_in_cycle"):
             np.testing.assert_allclose(columns[name][mine], again[name], rtol=1e-4, err_msg=name)
@@ -127,10 +129,10 @@ def test_the_appended_phase_is_part_of_the_policys_input(run):
 
 
 def test_the_same_command_finds_it_complete_and_another_plan_is_refused(run, plan):
-    again = run_training(load_training(plan), run.path, progress=False)
+    again = run_experiment(load_plan(plan), run.path, progress=False)
     assert again.manifest == run.manifest
     with pytest.raises(RunFolderError, match="steps: 256 → 300"):
-        run_training(load_training(plan, steps=300), run.path, progress=False)
+        run_experiment(load_plan(plan, steps=300), run.path, progress=False)
 
 
 def test_means_by_seed_are_those_of_the_table(run):
@@ -144,30 +146,30 @@ def test_means_by_seed_are_those_of_the_table(run):
 
 
 def test_stopped_it_goes_on_from_its_checkpoint(plan, tmp_path):
-    training = load_training(plan, seeds=1)
+    experiment = load_plan(plan, seeds=1)
     counted = []
 
-    def interrupted(works, workers, hear, watch):
-        def tell(news):
-            counted.append(news.steps)
-            if news.steps == 128:
+    def interrupted(works, workers, receive, watch):
+        def stop(progress):
+            counted.append(progress.steps)
+            if progress.steps == 128:
                 raise KeyboardInterrupt
 
         assert works[0].finished() is None
-        works[0].run(lambda news: None)
+        works[0].run(lambda progress: None)
         last = works[0].finished()
         assert (last.steps, last.done, len(last.latest["return"])) == (256, True, 2)
-        works[1].run(tell)
+        works[1].run(stop)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("coachable.experiments.training_runner.run_lanes", interrupted)
+        patch.setattr("coachable.experiments.trainers.environment_trainer.run_lanes", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            run_training(training, tmp_path / "run", progress=False)
-    stopped = TrainingRun.open(tmp_path / "run")
+            run_experiment(experiment, tmp_path / "run", progress=False)
+    stopped = Run.open(tmp_path / "run")
     assert stopped.status == "interrupted"
     assert counted[-1] == 128
     assert sorted(stopped.columns("evaluations")["step"]) == [128, 128, 128, 128, 256, 256]
-    done = run_training(training, tmp_path / "run", progress=False)
+    done = run_experiment(experiment, tmp_path / "run", progress=False)
     assert done.status == "complete"
     steps = done.columns("evaluations")
     for lane in ("alone-0", "both-0"):
@@ -176,8 +178,8 @@ def test_stopped_it_goes_on_from_its_checkpoint(plan, tmp_path):
 
 def test_the_environments_reward_can_be_put_together_anew(plan):
     text = PLAN.replace("[setups.alone]\nweight = 0", "[setups.alone]\nweight = 0\nterms = { bonus = 2 }")
-    training = parse_training(text, "plan.toml")
-    env = make_env(training, training.setup("alone"), parse(SWING))
+    experiment = parse_plan(text, "plan.toml", behaviour=parse(SWING))
+    env = experiment.problem.environment(experiment.setup("alone"))
     env.reset(seed=0)
     with pytest.raises(CoachableError, match="no term 'bonus'"):
         env.step(env.action_space.sample())
@@ -196,7 +198,7 @@ def test_the_environments_reward_can_be_put_together_anew(plan):
         ),
         ("Pendulum-v1", "CartPole-v1", PlanError, "actions must be a row"),
         ("height = 0\n", "", CoachableError, "height"),
-        ("speed = 2", "speed = 9", PlanError, "a signal is not where the plan says"),
+        ("speed = 2", "speed = 9", PlanError, "a signal is not where the plan has it"),
         ("n_steps = 64", "n_stepz = 64", PlanError, "no setting 'n_stepz'"),
         ("n_steps = 64", "n_steps = 1", PlanError, "does not take these settings"),
         ("swing.behaviour", "swim.behaviour", BehaviourError, "swim"),
@@ -205,15 +207,14 @@ def test_the_environments_reward_can_be_put_together_anew(plan):
 def test_what_cannot_be_trained_is_refused_before_a_folder_is_made(plan, tmp_path, old, new, error, message):
     assert old in PLAN
     text = PLAN.replace(old, new)
-    training = parse_training(text, "plan.toml", plan.parent)
     with pytest.raises(error, match=message):
-        run_training(training, tmp_path / "run", progress=False)
+        run_experiment(parse_plan(text, "plan.toml", plan.parent), tmp_path / "run", progress=False)
     assert not (tmp_path / "run").exists()
 
 
 def test_nobody_works_for_less_than_one(plan, tmp_path):
     with pytest.raises(PlanError, match="workers must be at least 1"):
-        run_training(load_training(plan), tmp_path / "run", workers=0)
+        run_experiment(load_plan(plan), tmp_path / "run", workers=0)
 
 
 def call(capsys, *arguments):
@@ -226,7 +227,7 @@ def call(capsys, *arguments):
     return out, err, status
 
 
-def test_the_table_of_a_training_is_printed_and_drawn(run, tmp_path, capsys):
+def test_the_table_is_printed_and_drawn(run, tmp_path, capsys):
     out, _, status = call(capsys, "table", run.path, "--out", tmp_path)
     assert status == 0
     assert "2 setups × 1 seed × 256 steps" in out
@@ -257,10 +258,15 @@ def test_a_trained_robot_can_be_watched(run, tmp_path, capsys):
     assert "in a film: .gif or .mp4" in err
 
 
+def with_signals(run, signals):
+    problem = replace(run.experiment.problem, signals=signals)
+    return replace(run, experiment=replace(run.experiment, problem=problem))
+
+
 def test_signals_are_recorded_as_the_reward_reads_them(run):
     """Also where the plan counts columns from the end, and the phase has been appended behind them."""
     signals = {"height": -3, "speed": -1}
-    from_the_end = replace(run, plan=replace(run.plan, signals=signals))
+    from_the_end = with_signals(run, signals)
     for setup in ("alone", "both"):
         expected = recorded_walk(run, setup, 0, seconds=1.0)
         found = recorded_walk(from_the_end, setup, 0, seconds=1.0)
@@ -291,7 +297,7 @@ def opened(monkeypatch):
 
 
 def test_trying_a_plan_out_leaves_nothing_behind(plan, opened):
-    training = parse_training(plan.read_text() + "n_envs = 2\n", "plan")
+    experiment = parse_plan(plan.read_text() + "n_envs = 2\n", "plan", behaviour=parse(SWING))
     num_threads = torch.get_num_threads()
     torch.set_num_threads(num_threads + 1)
     drawn = []
@@ -299,7 +305,7 @@ def test_trying_a_plan_out_leaves_nothing_behind(plan, opened):
         np.random.seed(seed), torch.manual_seed(seed)
         expected = np.random.random(), torch.rand(1).item()
         random.seed(seed), np.random.seed(seed), torch.manual_seed(seed)
-        require_trainable(training, parse(SWING))
+        experiment.trainer.check(experiment)
         assert (np.random.random(), torch.rand(1).item()) == expected
         drawn.append(random.random())  # beartype draws from it, too, so what comes is not known
     assert drawn[0] != drawn[1]
@@ -309,42 +315,55 @@ def test_trying_a_plan_out_leaves_nothing_behind(plan, opened):
 
 
 def test_a_walk_that_fails_closes_its_environment(run, opened):
-    broken = replace(run, plan=replace(run.plan, signals={"height": 0, "speed": 99}))
+    broken = with_signals(run, {"height": 0, "speed": 99})
     with pytest.raises(IndexError):
         recorded_walk(broken, "alone", 0)
     assert not opened
 
 
-def test_commands_for_studies_say_that_this_is_a_training(run, tmp_path, capsys):
-    with pytest.raises(RunFolderError, match="not a study of the compass walker"):
-        Run.open(run.path)
-    _, err, _ = call(capsys, "report", run.path, "-o", tmp_path / "report.html")
-    assert "not a study of the compass walker" in err
-
-
-def test_a_damaged_training_is_refused_with_the_file(run, tmp_path):
+def test_a_damaged_run_is_refused_with_the_file(run, tmp_path):
     copy = shutil.copytree(run.path, tmp_path / "copy")
     manifest = json.loads((copy / "manifest.json").read_text())
     (copy / "evaluations.parquet").write_bytes(b"no table")
     with pytest.raises(RunFolderError, match=r"evaluations\.parquet is damaged"):
-        TrainingRun.open(copy).columns("evaluations")
+        Run.open(copy).columns("evaluations")
     (copy / "manifest.json").write_text(json.dumps(manifest | {"files": []}))
     with pytest.raises(RunFolderError, match=r"manifest\.json is damaged: 'files' cannot be \[\]"):
-        TrainingRun.open(copy)
+        Run.open(copy)
     del manifest["reward_hashes"]
     (copy / "manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(RunFolderError, match="lacks 'reward_hashes'"):
-        TrainingRun.open(copy)
+        Run.open(copy)
 
 
-def test_train_needs_an_environment_and_knows_its_own(tmp_path, capsys):
+def test_train_needs_a_plan_or_an_environment(capsys):
     _, err, status = call(capsys, "train", "--behaviour", "hop")
     assert status == 2
-    assert "which environment" in err
+    assert "train what?" in err
     _, err, status = call(capsys, "train", "--env", "Walker2d-v5", "--behaviour", "hop", "--trainer", "ppo")
     assert status == 2
     assert "take sb3-ppo" in err
     walker = ("--env", "coachable/CompassWalker-v0", "--behaviour", "compass-walking")
     _, err, status = call(capsys, "train", *walker, "--weight", "0.5")
     assert status == 2
-    assert "takes no PLAN, --weight" in err
+    assert "the weight of a plant's reward is in its setup's table" in err
+
+
+def test_runs_of_format_version_1_can_be_read():
+    published = Path(__file__).parents[2] / "docs" / "results" / "walker2d" / "walk"
+    run = Run.open(published)
+    assert run.manifest["format_version"] == 1
+    assert run.experiment.problem.robot == "Walker2d-v5"
+    assert len(run.columns("gaits")["lane"]) == 10 * len(run.lanes)
+    lane = run.lanes[0]
+    assert run.policy(lane.setup, lane.seed).weights[0].shape[1] == 17
+
+
+def test_an_unfinished_run_of_format_version_1_is_not_gone_on_with(run, plan, tmp_path):
+    copy = shutil.copytree(run.path, tmp_path / "copy")
+    manifest = json.loads((copy / "manifest.json").read_text())
+    old = manifest | {"format_version": 1, "status": "interrupted"}
+    (copy / "manifest.json").write_text(json.dumps(old))
+    assert len(Run.open(copy).columns("evaluations")["step"])
+    with pytest.raises(RunFolderError, match="unfinished and of format_version 1"):
+        run_experiment(load_plan(plan), copy, progress=False)

@@ -21,7 +21,7 @@ from coachable.experiments.log import Columns
 from coachable.foundation.errors import CoachableError, RunFolderError
 
 
-class News(NamedTuple):
+class Progress(NamedTuple):
     """How far a lane is."""
 
     steps: int
@@ -32,10 +32,10 @@ class News(NamedTuple):
     """Whether it is trained, tested and saved."""
 
 
-Tell = Callable[[News], None]
-"""Raises `KeyboardInterrupt` when the lane is to stop; whoever called it then saves and lets that pass."""
+Report = Callable[[Progress], None]
+"""Raises `KeyboardInterrupt` when the lane has to stop; the caller then saves and lets that pass."""
 
-SECONDS_BETWEEN_NEWS = 0.5
+SECONDS_BETWEEN_REPORTS = 0.5
 
 
 @runtime_checkable
@@ -47,11 +47,11 @@ class LaneWork(Protocol):
         """For messages."""
         ...
 
-    def finished(self) -> News | None:
-        """What there was to tell last, if there is nothing left to do."""
+    def finished(self) -> Progress | None:
+        """The last progress, if there is nothing left to do."""
         ...
 
-    def run(self, tell: Tell) -> None:
+    def run(self, report: Report) -> None:
         """Train from the lane's checkpoint, or from the start, until all is saved."""
         ...
 
@@ -59,15 +59,15 @@ class LaneWork(Protocol):
 def run_lanes(
     works: Sequence[LaneWork],
     num_workers: int,
-    hear: Callable[[int, News], None],
+    receive: Callable[[int, Progress], None],
     watch: Callable[[], None],
     every: float = 0.25,
 ) -> None:
-    """Run every work in a process of its own, `num_workers` at once; meanwhile `hear` what they tell.
+    """Run every work in a process of its own, `num_workers` at once, and `receive` their progress.
 
-    `hear` is called with the index of a work and its news, `watch` at least every `every` seconds. An
-    exception in a work, in `hear` or in `watch` (Ctrl-C arrives there) stops all processes, which save what
-    they have, and is raised.
+    `receive` is called with the index of a work and its progress, `watch` at least every `every` seconds. An
+    exception in a work, in `receive` or in `watch` (Ctrl-C arrives there) stops all processes, which save
+    what they have, and is raised.
 
     **Raises:** what a work raised that is a user's mistake, or an `OSError`; `RunFolderError` for a process
     that was killed; `RuntimeError` with the other process's traceback for anything else.
@@ -80,7 +80,7 @@ def run_lanes(
             while waiting and len(running) < num_workers:
                 index, work = waiting.popleft()
                 if (last := work.finished()) is not None:
-                    hear(index, last)
+                    receive(index, last)
                     continue
                 ours, theirs = context.Pipe(duplex=False)
                 process = context.Process(target=_work, args=(work, theirs, os.getpid()), daemon=True)
@@ -93,15 +93,15 @@ def run_lanes(
                 assert isinstance(channel, Connection)
                 index, process = running[channel]
                 try:
-                    news = channel.recv()
+                    received = channel.recv()
                 except EOFError:
                     process.join()
                     del running[channel]
                     _require_success(works[index], process.exitcode)
                 else:
-                    if isinstance(news, BaseException):
-                        raise news
-                    hear(index, news)
+                    if isinstance(received, BaseException):
+                        raise received
+                    receive(index, received)
     finally:
         for _, process in running.values():
             process.terminate()
@@ -129,27 +129,27 @@ def _require_success(work: LaneWork, exitcode: int | None) -> None:
 
 
 def _work(work: LaneWork, channel: Connection, parent: int) -> None:
-    """What a process does. It stops, when it next tells its news, if its parent says so or is no more."""
-    told_to_stop = threading.Event()
+    """What a process does. It stops at its next report if its parent asks for it or has ended."""
+    stop_requested = threading.Event()
     # Ctrl-C in a terminal reaches every process of it; the parent alone decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: told_to_stop.set())
+    signal.signal(signal.SIGTERM, lambda *_: stop_requested.set())
     # Lanes keep the cores busy, so each compiled program needs but one thread.
     os.environ["NPROC"] = "1"
-    told_at = 0.0
+    reported_at = 0.0
 
-    def tell(news: News) -> None:
-        nonlocal told_at
-        if told_to_stop.is_set() or os.getppid() != parent:
+    def report(progress: Progress) -> None:
+        nonlocal reported_at
+        if stop_requested.is_set() or os.getppid() != parent:
             raise KeyboardInterrupt
-        if news.done or time.monotonic() > told_at + SECONDS_BETWEEN_NEWS:
-            told_at = time.monotonic()
-            channel.send(news)
+        if progress.done or time.monotonic() > reported_at + SECONDS_BETWEEN_REPORTS:
+            reported_at = time.monotonic()
+            channel.send(progress)
 
     try:
-        work.run(tell)
+        work.run(report)
     except KeyboardInterrupt:
-        sys.exit(1)  # a parent that told it to stop no longer looks; to any other it has not finished
+        sys.exit(1)  # a parent that stopped it no longer looks; to any other it has not finished
     except (CoachableError, OSError) as error:
         channel.send(error)
     except Exception:

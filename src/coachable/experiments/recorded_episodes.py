@@ -16,12 +16,14 @@ from PIL import Image
 
 from coachable.behaviours.behaviour import Phase
 from coachable.behaviours.predicates import Signal
+from coachable.envs.own_reward import OWN
+from coachable.envs.problem import EnvironmentProblem
 from coachable.envs.signals import SIGNAL_PACKS, signal_pack
 from coachable.envs.signals.limbs import Limbs
 from coachable.envs.signals.reading import reader_of_one, time_step
-from coachable.experiments.run_folder.reader import TrainingRun, Which
-from coachable.experiments.training import EVALUATION_SEED
-from coachable.experiments.training_lane import OWN, actor, make_env, signal_functions
+from coachable.experiments.assessment import actor
+from coachable.experiments.experiment import EVALUATION_SEED, Which
+from coachable.experiments.run_folder.reader import Run
 from coachable.foundation.errors import ParameterError, PlanError
 from coachable.learning.policy import Policy
 
@@ -76,7 +78,7 @@ class RecordedWalk:
     """[m]"""
 
 
-def rendered_walk(run: TrainingRun, setup: str, seed: int, which: Which, seconds: float) -> RenderedWalk:
+def rendered_walk(run: Run, setup: str, seed: int, which: Which, seconds: float) -> RenderedWalk:
     """The first episode of a lane's evaluations, as far as it goes.
 
     **Raises:** `RunFolderError` if the run has no such lane, `PlanError` if its environment draws nothing.
@@ -84,7 +86,9 @@ def rendered_walk(run: TrainingRun, setup: str, seed: int, which: Which, seconds
     if sys.platform == "linux" and not os.environ.get("DISPLAY"):
         os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo would look for a window
     policy = run.policy(setup, seed, which)
-    with closing(make_env(run.plan, run.plan.setup(setup), run.behaviour, render_mode="rgb_array")) as env:
+    with closing(
+        run.experiment.problem.environment(run.experiment.setup(setup), render_mode="rgb_array")
+    ) as env:
         dt = time_step(env) or UNKNOWN_DT
         steps = _steps(env, policy, 0, seconds / dt)
         pictures, phases = zip(*((_picture(env), step.phase) for step in steps), strict=True)
@@ -94,7 +98,7 @@ def rendered_walk(run: TrainingRun, setup: str, seed: int, which: Which, seconds
 
 
 def recorded_walk(
-    run: TrainingRun,
+    run: Run,
     setup: str,
     seed: int,
     which: Which = "last",
@@ -106,17 +110,18 @@ def recorded_walk(
     **Raises:** `RunFolderError` if the run has no such lane, `ParameterError` if its environment does not say
     how long a step lasts.
     """
-    plan, policy = run.plan, run.policy(setup, seed, which)
-    appended = len(run.behaviour.phases) + 1 if plan.setup(setup).append_phase else 0
-    with closing(make_env(plan, plan.setup(setup), run.behaviour)) as env:
+    problem, policy = _environment_problem(run), run.policy(setup, seed, which)
+    described = run.experiment.setup(setup)
+    appended = len(run.behaviour.phases) + 1 if described.append_phase else 0
+    with closing(problem.environment(described)) as env:
         dt = time_step(env)
         if dt is None:
             raise ParameterError(
-                f"{plan.env} does not say how long a step lasts: it has no dt and no render_fps"
+                f"{problem.env} does not say how long a step lasts: it has no dt and no render_fps"
             )
-        has_pack = not plan.signals and plan.env in SIGNAL_PACKS
-        signals = signal_pack(plan.env).signals if has_pack else run.behaviour.signals
-        read = reader_of_one(env, tuple(signal.name for signal in signals), signal_functions(plan))
+        has_pack = not problem.signals and problem.env in SIGNAL_PACKS
+        signals = signal_pack(problem.env).signals if has_pack else run.behaviour.signals
+        read = reader_of_one(env, tuple(signal.name for signal in signals), problem.signal_functions)
         limbs = Limbs.of(env)
         rows, ends, steps = [], [], []
         for step in _steps(env, policy, episode, seconds / dt):
@@ -144,13 +149,20 @@ def recorded_walk(
     )
 
 
-def has_limbs(run: TrainingRun) -> bool:
+def has_limbs(run: Run) -> bool:
     """Whether recorded walks of a training's robot tell where its limbs are."""
-    env = make_env(run.plan, run.plan.setups[0], run.behaviour)
+    env = run.experiment.problem.environment(run.experiment.setups[0])
     try:
         return Limbs.of(env) is not None
     finally:
         env.close()
+
+
+def _environment_problem(run: Run) -> EnvironmentProblem:
+    problem = run.experiment.problem
+    if not isinstance(problem, EnvironmentProblem):
+        raise PlanError(f"{run.path} is a run of {problem.robot}; its trajectories are stored, not recorded")
+    return problem
 
 
 class _Step(NamedTuple):

@@ -1,4 +1,4 @@
-"""The compiled programs that train, evaluate and test lanes, one set for each width of group."""
+"""The compiled programs that train, evaluate and measure lanes, one set for each width of batch."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.rollout import Episode, Summary, rollout, summary
-from coachable.envs.walking_task import WalkingTask, make_task
+from coachable.envs.walking_task import WalkingTask
+from coachable.experiments.experiment import Experiment, Lane
 from coachable.experiments.layout import lane_key
-from coachable.experiments.plan import Lane, Study
 from coachable.experiments.survival import (
     LONG_SECONDS,
     PERTURBED_SECONDS,
@@ -26,10 +25,11 @@ from coachable.experiments.survival import (
     time_up,
 )
 from coachable.learning import ppo
+from coachable.learning.config import PPOConfig
 from coachable.learning.networks import ActorCritic
 
 COMPILER_OPTIONS = {"xla_cpu_multi_thread_eigen": False}
-"""A program runs in the thread that calls it; the cores are kept busy by groups side by side."""
+"""A program runs in the thread that calls it; the cores are kept busy by batches side by side."""
 
 Compiled = Callable[..., Any]
 Tree = TypeVar("Tree")
@@ -37,7 +37,7 @@ Tree = TypeVar("Tree")
 
 @dataclass(frozen=True)
 class Tasks:
-    """The task of a study as its lanes meet it, without their weights."""
+    """The task of an experiment in the forms that its lanes need, without their weights."""
 
     training: WalkingTask
     evaluation: WalkingTask
@@ -51,26 +51,20 @@ class Tasks:
     """Perturbed starts."""
 
     @staticmethod
-    def of(study: Study, behaviour: Behaviour) -> Tasks:
-        """The tasks of a study."""
-        released = study.semantics == "released-code"
-        make = partial(
-            make_task,
-            study.setups[0],
-            study.semantics,
-            study.reward_variant,
-            study.clock,
-            study.plant,
-            behaviour,
-            squashing=study.ppo.squashing,
-        )
+    def of(experiment: Experiment) -> Tasks:
+        """The tasks of an experiment with a plant."""
+        problem = experiment.require_plant("a compiled task")
+        released = problem.semantics == "released-code"
+        make = partial(problem.task, experiment.reward_setups[0], squashing=experiment.trainer.squashing)
         evaluation = make()
         return Tasks(
-            training=make(shared_evaluation_every=study.evaluate_every if released else 0),
+            training=make(shared_evaluation_every=experiment.evaluate_every if released else 0),
             evaluation=evaluation,
             long=make(seconds=LONG_SECONDS),
             perturbed=make(seconds=PERTURBED_SECONDS),
-            weights={s.name: np.asarray(s.weights, evaluation.weights.dtype) for s in study.setups},
+            weights={
+                s.name: np.asarray(s.weights, evaluation.weights.dtype) for s in experiment.reward_setups
+            },
             starts=perturbed_starts(evaluation, released),
         )
 
@@ -85,7 +79,7 @@ class Tasks:
 
 @dataclass(frozen=True)
 class Programs:
-    """What is compiled for groups of one width; `update` and `evaluate` work on things stacked over lanes."""
+    """What is compiled for batches of one width; `update` and `evaluate` take and give stacked lanes."""
 
     init: Compiled
     """key, task of one lane → its state"""
@@ -103,10 +97,9 @@ def stacked(trees: Sequence[Tree]) -> Tree:
 
 
 def compile_programs(
-    study: Study, tasks: Tasks, widths: Iterable[int], num_workers: int
+    experiment: Experiment, config: PPOConfig, tasks: Tasks, widths: Iterable[int], num_workers: int
 ) -> dict[int, Programs]:
     """The programs for every width, compiled side by side."""
-    config = study.ppo
 
     def survive(networks: ActorCritic) -> tuple[jax.Array, jax.Array]:
         policy = networks.actor()
@@ -119,13 +112,13 @@ def compile_programs(
     def init(key: jax.Array, task: WalkingTask) -> ppo.TrainState:
         return ppo.init(key, task, config)
 
-    one_state = jax.eval_shape(init, lane_key(study.lanes[0]), tasks.training)
+    one_state = jax.eval_shape(init, lane_key(experiment.lanes[0]), tasks.training)
     sources: dict[tuple[int, str], tuple[Any, ...]] = {
-        (1, "init"): (init, lane_key(study.lanes[0]), tasks.training),
+        (1, "init"): (init, lane_key(experiment.lanes[0]), tasks.training),
         (1, "survive"): (survive, one_state.networks),
     }
     for width in set(widths):
-        lanes = [Lane(study.setups[0].name, 0)] * width
+        lanes = [Lane(experiment.reward_setups[0].name, 0)] * width
         training, evaluation = (tasks.stacked(task, lanes) for task in (tasks.training, tasks.evaluation))
         states = jax.eval_shape(stacked, [one_state] * width)
         sources |= {

@@ -1,4 +1,4 @@
-"""A small study trained by stable-baselines3: the same folder, tables and commands as ours."""
+"""A small experiment with a plant, trained by stable-baselines3: the same folder, tables and commands as ours."""
 
 import json
 
@@ -9,10 +9,10 @@ import pytest
 pytest.importorskip("stable_baselines3", reason="needs the [sb3] extra: pip install 'coachable[sb3]'")
 
 from coachable.envs.rollout import rollout, summary
-from coachable.experiments.compiled import Tasks
-from coachable.experiments.plan import behaviour_of, load_plan, parse_plan
-from coachable.experiments.runner import run_study
-from coachable.experiments.sb3_lane import load_lane
+from coachable.experiments.plan import load_plan, parse_plan
+from coachable.experiments.runner import run_experiment
+from coachable.experiments.trainers.compiled import Tasks
+from coachable.experiments.trainers.process_lane import load_lane
 from coachable.foundation.errors import PlanError, RunFolderError
 
 pytestmark = pytest.mark.sb3
@@ -34,20 +34,20 @@ n_epochs = 1
 
 
 @pytest.fixture(scope="module")
-def study():
+def experiment():
     return parse_plan(PLAN, "small.toml")
 
 
 @pytest.fixture(scope="module")
-def run(study, tmp_path_factory, cache_folder):
+def run(experiment, tmp_path_factory, cache_folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(cache_folder))
-        return run_study(study, tmp_path_factory.mktemp("runs") / "sb3", progress=False)
+        return run_experiment(experiment, tmp_path_factory.mktemp("runs") / "sb3", progress=False)
 
 
-def test_the_folder_is_that_of_a_study(run, study):
+def test_the_folder_is_that_of_every_plant(run, experiment):
     assert run.status == "complete"
-    assert run.plan == study
+    assert run.experiment == experiment
     evaluations = run.columns("evaluations")
     # Four updates of 64 steps; the evaluation at step 100 uses the weights after the first.
     assert [*evaluations["step"][evaluations["lane"] == "orthant-3"]] == [100, 200, 256]
@@ -55,10 +55,10 @@ def test_the_folder_is_that_of_a_study(run, study):
     assert run.manifest["baseline"]["hip_x"] == pytest.approx(7.8334, abs=1e-4)
 
 
-def test_the_kept_policy_walks_as_the_last_evaluation_tells(run, study):
-    tasks = Tasks.of(study, behaviour_of(study))
+def test_the_kept_policy_walks_as_the_last_evaluation_tells(run, experiment):
+    tasks = Tasks.of(experiment)
     evaluations = run.columns("evaluations")
-    for lane in study.lanes:
+    for lane in experiment.lanes:
         task = tasks.weighted(tasks.evaluation, lane)
         policy = run.policy(lane.setup, lane.seed)
         assert policy.observation_names == ("theta_1", "theta_2", "dtheta_1", "dtheta_2")
@@ -77,28 +77,28 @@ def test_setups_differ_in_what_they_pay_and_not_in_the_seed(run):
     assert first["orthant-3"] != first["sparse-3"]
 
 
-def test_the_same_command_finds_it_complete(run, study):
-    assert run_study(study, run.path, progress=False).manifest == run.manifest
+def test_the_same_command_finds_it_complete(run, experiment):
+    assert run_experiment(experiment, run.path, progress=False).manifest == run.manifest
 
 
 def test_settings_of_the_other_trainer_are_refused(tmp_path):
-    with pytest.raises(PlanError, match="table sb3 is for the trainers"):
+    with pytest.raises(PlanError, match="the table sb3 is not for trainer = 'ppo'"):
         parse_plan(PLAN.replace('"sb3-ppo"', '"ppo"'), "small.toml")
     with pytest.raises(PlanError, match="no setting 'n_step'"):
-        run_study(parse_plan(PLAN.replace("n_epochs", "n_step"), "small.toml"), tmp_path / "run")
+        run_experiment(parse_plan(PLAN.replace("n_epochs", "n_step"), "small.toml"), tmp_path / "run")
     assert not (tmp_path / "run").exists()
     assert load_plan("paper", trainer="sb3-sac").total_steps == 500_000
 
 
 def test_a_lane_that_was_damaged_is_named(tmp_path):
-    (tmp_path / "group-000.safetensors").write_bytes(b"nothing")
-    with pytest.raises(RunFolderError, match="group-000"):
-        load_lane(tmp_path / "group-000.safetensors")
+    (tmp_path / "batch-000.safetensors").write_bytes(b"nothing")
+    with pytest.raises(RunFolderError, match="batch-000"):
+        load_lane(tmp_path / "batch-000.safetensors")
 
 
 def test_the_resolved_plan_holds_the_settings_of_its_trainer_alone(run):
     text = (run.path / "plan.toml").read_text()
     assert "[sb3]" in text
     assert "[ppo]" not in text
-    assert json.loads((run.path / "manifest.json").read_text())["device_layout"] == {"group_widths": [1, 1]}
+    assert json.loads((run.path / "manifest.json").read_text())["device_layout"] == {"batch_sizes": [1, 1]}
     assert np.isfinite(run.columns("evaluations")["return"]).all()

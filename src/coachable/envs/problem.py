@@ -1,0 +1,233 @@
+"""A robot with a behaviour: what is trained, whoever trains it and whatever is paid for it."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, ClassVar
+
+import gymnasium
+
+from coachable.behaviours.behaviour import Behaviour
+from coachable.envs.behaviour_reward import BehaviourReward
+from coachable.envs.gymnasium_env import CompassWalkerEnv
+from coachable.envs.own_reward import OwnReward
+from coachable.envs.signals.reading import SignalFunction
+from coachable.envs.squashing import Squashing
+from coachable.envs.walking_task import Clock, WalkingTask, make_task
+from coachable.foundation.errors import MissingExtraError, PlanError
+from coachable.foundation.suggestion import suggestion
+from coachable.plants.compass import STATE_NAMES, CompassParameters
+from coachable.rewards.phase_reward import Variant
+from coachable.rewards.reward_hash import hash_of_paid, reward_hash
+from coachable.rewards.setup import DescribedSetup, RewardSetup, Semantics
+
+Setup = RewardSetup | DescribedSetup
+
+
+class Problem(abc.ABC):
+    """A robot with a behaviour: a Gymnasium environment always, and a task in JAX where its physics is."""
+
+    in_jax: ClassVar[bool]
+    """Whether there is a `Task`."""
+    setup_type: ClassVar[type[Setup]]
+    """What a reward setup of this problem is."""
+
+    behaviour: Behaviour
+
+    @property
+    @abc.abstractmethod
+    def robot(self) -> str:
+        """The robot's name in headings and messages."""
+
+    @abc.abstractmethod
+    def environment(self, setup: Any, render_mode: str | None = None) -> gymnasium.Env:
+        """The environment in which a lane of this setup is trained, its reward included."""
+
+    def training_environment(self, setup: Any, evaluate_every: int) -> gymnasium.Env:
+        """The environment as lanes that are evaluated every so many steps train in it."""
+        return self.environment(setup)
+
+    @property
+    def policy_description(self) -> dict[str, Any]:
+        """What a policy's description says beside what its trainer knows."""
+        return {}
+
+    @abc.abstractmethod
+    def reward_hash(self, setup: Any) -> str:
+        """A name for what the setup pays; see `rewards.reward_hash`."""
+
+    @abc.abstractmethod
+    def to_data(self) -> dict[str, Any]:
+        """The problem as the tables of a plan's TOML form, without its behaviour."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantProblem(Problem):
+    """A plant of ours with a behaviour, under a semantics and a sample clock.
+
+    **Raises:** at construction `PlanError` for a behaviour that reads signals the plant does not have.
+    """
+
+    in_jax: ClassVar[bool] = True
+    setup_type: ClassVar[type[Setup]] = RewardSetup
+
+    behaviour: Behaviour
+    plant: CompassParameters = field(default_factory=CompassParameters)
+    semantics: Semantics = "paper"
+    """`paper` (what the paper means) or `released-code` (what its code does)."""
+    reward_variant: Variant = "stay"
+    """How the phase reward is read; see `rewards.phase_reward`."""
+    clock: Clock = "free"
+    """`free` samples every 0.01 s; `touchdown` restarts the sample clock at every touchdown."""
+
+    def __post_init__(self) -> None:
+        for signal in self.behaviour.signal_names:
+            if signal not in STATE_NAMES:
+                raise PlanError(
+                    f"behaviour {self.behaviour.name!r}: the compass walker has no signal {signal!r}; "
+                    + suggestion(signal, STATE_NAMES)
+                )
+
+    @property
+    def robot(self) -> str:
+        """The plant's name."""
+        return "compass walker"
+
+    @property
+    def distance(self) -> str:
+        """The measure of an evaluation that is its distance: `hip_x`, or `foot_x` in `released-code`."""
+        return "hip_x" if self.semantics == "paper" else "foot_x"
+
+    def task(self, setup: RewardSetup, *, squashing: Squashing = "clip", **options: Any) -> WalkingTask:
+        """The task in JAX; `options` as in `make_task`."""
+        return make_task(
+            setup,
+            self.semantics,
+            self.reward_variant,
+            self.clock,
+            self.plant,
+            self.behaviour,
+            squashing=squashing,
+            **options,
+        )
+
+    def environment(
+        self, setup: RewardSetup, render_mode: str | None = None, shared_evaluation_every: int = 0
+    ) -> CompassWalkerEnv:
+        """The task as a Gymnasium environment; `shared_evaluation_every` as in `make_task`."""
+        return CompassWalkerEnv(
+            setup,
+            self.semantics,
+            self.reward_variant,
+            self.clock,
+            self.plant,
+            self.behaviour,
+            shared_evaluation_every=shared_evaluation_every,
+            render_mode=render_mode,
+        )
+
+    def training_environment(self, setup: RewardSetup, evaluate_every: int) -> CompassWalkerEnv:
+        """In `released-code` the evaluations move the walker that is trained."""
+        released = self.semantics == "released-code"
+        return self.environment(setup, shared_evaluation_every=evaluate_every if released else 0)
+
+    @property
+    def policy_description(self) -> dict[str, Any]:
+        """The state's names, and the clock that the policy is sampled by."""
+        return {"observation_names": STATE_NAMES, "clock": self.clock}
+
+    def reward_hash(self, setup: RewardSetup) -> str:
+        """SHA-256 of what the setup pays."""
+        return reward_hash(self.behaviour, self.reward_variant, self.semantics, setup)
+
+    def to_data(self) -> dict[str, Any]:
+        """The keys `semantics`, `reward_variant`, `clock` and the table `plant`."""
+        return {
+            "semantics": self.semantics,
+            "reward_variant": self.reward_variant,
+            "clock": self.clock,
+            "plant": asdict(self.plant),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnvironmentProblem(Problem):
+    """A Gymnasium environment with a behaviour."""
+
+    in_jax: ClassVar[bool] = False
+    setup_type: ClassVar[type[Setup]] = DescribedSetup
+
+    behaviour: Behaviour
+    env: str
+    """The id for `gymnasium.make`; `module:id` imports a module first."""
+    env_options: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    """Further arguments of `gymnasium.make`."""
+    signals: Mapping[str, int | str] = field(default_factory=dict, hash=False)
+    """Where the behaviour's signals are: a column of the observation, or a key of the info. Without any, the
+    environment's signal pack."""
+
+    @property
+    def robot(self) -> str:
+        """The environment's id."""
+        return self.env
+
+    def environment(self, setup: DescribedSetup, render_mode: str | None = None) -> BehaviourReward:
+        """The environment with the described reward around it.
+
+        **Raises:** `PlanError` if there is no such environment, or it cannot be made with these options, and
+        what `BehaviourReward` raises.
+        """
+        options: dict[str, Any] = dict(self.env_options)
+        if render_mode is not None:
+            options["render_mode"] = render_mode
+        try:
+            env = gymnasium.make(self.env, disable_env_checker=True, **options)
+        except gymnasium.error.DependencyNotInstalled as error:
+            extra = "box2d" if "box2d" in str(error).lower() else "mujoco"
+            raise MissingExtraError(self.env, extra) from None
+        except (gymnasium.error.Error, ImportError) as error:
+            raise PlanError(f"{self.env!r} cannot be made: {error}") from None
+        # Whatever an environment's constructor raises, it is the plan's options that it was given.
+        except Exception as error:
+            given = ", ".join(f"{name} = {value!r}" for name, value in options.items())
+            given = f" with {given} (env_options)" if given else ""
+            raise PlanError(f"{self.env!r} cannot be made{given}: {type(error).__name__}: {error}") from error
+        return BehaviourReward(
+            OwnReward(env, setup.terms),
+            self.behaviour,
+            signals=self.signal_functions,
+            weight=setup.weight,
+            replace=setup.replace,
+            variant=setup.reward_variant,
+            cycle_bonus=setup.cycle_bonus,
+            append_phase=setup.append_phase,
+        )
+
+    @property
+    def signal_functions(self) -> dict[str, SignalFunction] | None:
+        """Readers of the signals where the plan says that they are; `None` for the environment's pack."""
+        return {name: _reader(source) for name, source in self.signals.items()} or None
+
+    def reward_hash(self, setup: DescribedSetup) -> str:
+        """SHA-256 of what the setup pays."""
+        return hash_of_paid(
+            self.behaviour,
+            setup.reward_variant,
+            weight=repr(setup.weight + 0.0),
+            replace=setup.replace,
+            terms={name: repr(weight + 0.0) for name, weight in sorted(setup.terms.items())},
+            cycle_bonus=repr(setup.cycle_bonus + 0.0),
+            signals=dict(sorted(self.signals.items())),
+        )
+
+    def to_data(self) -> dict[str, Any]:
+        """The key `env` and the tables `env_options` and `signals`."""
+        return {"env": self.env, "env_options": dict(self.env_options), "signals": dict(self.signals)}
+
+
+def _reader(source: int | str) -> SignalFunction:
+    if isinstance(source, int):
+        return lambda env, observation, info: observation[source]
+    return lambda env, observation, info: info[source]

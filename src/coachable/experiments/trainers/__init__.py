@@ -1,0 +1,1 @@
+"""How lanes are trained: by our PPO on tasks in JAX, or by a learner on Gymnasium environments."""

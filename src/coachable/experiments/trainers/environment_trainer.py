@@ -1,0 +1,84 @@
+"""Trainers of Gymnasium environments: each lane in a process of its own."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from coachable.envs.problem import Problem
+from coachable.experiments.trainers.lane_processes import run_lanes
+from coachable.experiments.trainers.process_lane import LaneWork, ProcessLane
+from coachable.experiments.trainers.trainer import Learner, MakeEnv, Trainer, Watch, Work
+from coachable.foundation.errors import CoachableError, PlanError
+
+if TYPE_CHECKING:
+    from coachable.experiments.experiment import Experiment
+
+
+class EnvironmentTrainer(Trainer):
+    """A trainer that learns from Gymnasium environments, and so trains any problem.
+
+    A concrete one gives a `Learner` for one lane; checkpoints, evaluations and resuming are here.
+    """
+
+    @abc.abstractmethod
+    def learner(self, make_env: MakeEnv, seed: int) -> Learner:
+        """A lane before its first step.
+
+        **Raises:** `PlanError` for spaces or settings that the algorithm cannot work with.
+        """
+
+    def cannot_train(self, problem: Problem) -> str:
+        """Every problem gives a Gymnasium environment."""
+        return ""
+
+    def check(self, experiment: Experiment) -> None:
+        """Make every setup's environment once, a learner in it, and take a step."""
+        for setup in experiment.setups:
+            make = partial(experiment.problem.environment, setup)
+            env = make()
+            try:
+                learner = self.learner(make, experiment.first_seed)
+                learner.policy()
+                learner.close()
+                env.reset(seed=0)
+                env.step(env.action_space.sample())
+            except CoachableError as error:
+                raise PlanError(f"setup {setup.name!r}: {error}") from None
+            except (KeyError, IndexError) as error:
+                raise PlanError(
+                    f"setup {setup.name!r}: a signal is not where the plan has it: {error!r}"
+                ) from None
+            finally:
+                env.close()
+
+    def batch_sizes(self, experiment: Experiment, num_workers: int) -> tuple[int, ...]:
+        """Every lane by itself."""
+        return (1,) * len(experiment.lanes)
+
+    def start(self, work: Work) -> tuple[Sequence[ProcessLane], Callable[[Watch], None]]:
+        """Lanes in processes, as many at once as there are workers."""
+        lanes = [
+            ProcessLane(
+                LaneWork(
+                    work.experiment,
+                    self.learner,
+                    lane,
+                    work.folder.checkpoint(index),
+                    None if work.track is None else work.track / lane.name,
+                )
+            )
+            for index, lane in enumerate(work.experiment.lanes)
+        ]
+
+        def train(watch: Watch) -> None:
+            run_lanes(
+                [lane.work for lane in lanes],
+                work.num_workers,
+                lambda index, progress: lanes[index].receive(progress),
+                watch,
+            )
+
+        return lanes, train
