@@ -38,10 +38,10 @@ help:
 	@echo "make clean   remove .venv and the tools' caches; runs/ stays"
 
 study: $(CORE)
-	@$(BIN)/coachable study paper $(call out,runs/paper) $(ARGS)
+	@$(BIN)/coachable train paper $(call out,runs/paper) $(ARGS)
 
 demo: $(CORE)
-	@$(BIN)/coachable study demo $(call out,runs/demo) $(ARGS)
+	@$(BIN)/coachable train demo $(call out,runs/demo) $(ARGS)
 
 walker2d: $(DEV)
 	@for run in walk hop hop-described; do \

@@ -22,8 +22,9 @@ from matplotlib.figure import Figure
 
 from coachable.analysis.intervals import estimate, mean
 from coachable.analysis.measurements import measure
-from coachable.experiments.plan import Study
-from coachable.experiments.run_folder.reader import load_run
+from coachable.experiments.experiment import Experiment
+from coachable.experiments.run_folder.reader import open_run
+from coachable.experiments.trainers.ppo import PPO
 from coachable.foundation.style import FAINT, GOOD, HAIRLINE, INK, PAGE, STANCE, SWING, drawing, save
 from coachable.learning.policy import Policy
 from coachable.plants.compass import STATE_NAMES
@@ -68,7 +69,7 @@ class Walker:
 
 def walkers(path: Path) -> list[Walker]:
     """All seeds of a run's orthant setup."""
-    run = load_run(path)
+    run = open_run(path)
     runs, found = measure(run)[SETUP], []
     for seed, distance, seconds_up in zip(runs.seeds, runs.final_distance, runs.seconds_up, strict=True):
         passport = read_passport(path / "passports" / f"{SETUP}-{seed}.json")
@@ -77,7 +78,7 @@ def walkers(path: Path) -> list[Walker]:
         slope, clipped = _slope_and_clipping(run.policy(SETUP, int(seed)), states)
         found.append(
             Walker(
-                training=trained(run.plan),
+                training=trained(run.experiment),
                 seed=int(seed),
                 distance=float(distance),
                 seconds_up=float(seconds_up),
@@ -89,11 +90,14 @@ def walkers(path: Path) -> list[Walker]:
     return found
 
 
-def trained(plan: Study) -> str:
-    """What is particular to a training, in words."""
-    penalty = [f"penalty {plan.ppo.jacobian_penalty:g}"] if plan.ppo.jacobian_penalty else []
-    tanh = ["tanh"] if plan.ppo.squashing == "tanh" else []
-    return ", ".join([f"{plan.clock} clock", *penalty, *tanh])
+def trained(experiment: Experiment) -> str:
+    """What distinguishes a training, in words."""
+    assert isinstance(experiment.trainer, PPO)
+    config = experiment.trainer.config
+    penalty = [f"penalty {config.jacobian_penalty:g}"] if config.jacobian_penalty else []
+    tanh = ["tanh"] if config.squashing == "tanh" else []
+    clock = experiment.require_plant("a certificate").clock
+    return ", ".join([f"{clock} clock", *penalty, *tanh])
 
 
 def markdown(every: Sequence[Sequence[Walker]]) -> str:

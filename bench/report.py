@@ -8,7 +8,7 @@ from statistics import median
 
 from bench.child import Measurement
 from bench.table import Row, significant
-from coachable.experiments.layout import WIDEST_GROUP
+from coachable.experiments.layout import WIDEST_BATCH
 
 STEPS_A_RUN = 501_760
 STEPS_AN_UPDATE = 2048
@@ -74,7 +74,7 @@ def report(measured: Mapping[str, Sequence[Measurement]]) -> list[Row]:
 
 def _steps(results: Results) -> list[Row]:
     return [
-        _step_row(results, f"environment: coachable, {WIDEST_GROUP} lanes side by side, one thread", "steps"),
+        _step_row(results, f"environment: coachable, {WIDEST_BATCH} lanes side by side, one thread", "steps"),
         *(
             _step_row(results, f"… {name}", name, results.faster("steps", name), "≥ 300 ×")
             for name in _named(results, "SciPy")

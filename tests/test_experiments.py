@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from coachable import cli
-from coachable.behaviours.library import load_behaviour
 from coachable.behaviours.text.document import formatted_file
-from coachable.experiments.training import load_training, trainer_settings
+from coachable.experiments.plan import load_plan, trainer_settings
 
 ROOT = Path(__file__).parents[1]
 EXPERIMENTS = ROOT / "experiments"
@@ -20,10 +19,9 @@ BLOCKS = re.findall(r"^```(\w+) ?(\S*)\n(.*?)^```$", GUIDE, re.DOTALL | re.MULTI
 
 @pytest.mark.parametrize("path", PLANS, ids=lambda path: path.stem)
 def test_a_plan_is_one_with_the_shipped_settings_and_a_behaviour_beside_it(path):
-    training = load_training(path)
-    assert training.sb3 == trainer_settings("ppo-mujoco")
-    assert Path(training.behaviour).parent == path.parent
-    load_behaviour(training.behaviour)
+    plan = load_plan(path)
+    assert plan.trainer.settings == trainer_settings("ppo-mujoco")
+    assert Path(plan.described_by).parent == path.parent
 
 
 @pytest.mark.parametrize("path", sorted(EXPERIMENTS.rglob("*.behaviour")), ids=lambda path: path.stem)
@@ -37,14 +35,12 @@ def test_a_plan_can_be_trained(path):
     """Its environment is made, with every setup, and takes a step."""
     for module in ("mujoco", "stable_baselines3"):
         pytest.importorskip(module)
-    from coachable.experiments.training_lane import require_trainable
-
-    training = load_training(path)
-    require_trainable(training, load_behaviour(training.behaviour))
+    plan = load_plan(path)
+    plan.trainer.check(plan)
 
 
 def test_no_seed_is_both_picked_on_and_reported():
-    seeds = {path.stem: set(load_training(path).seeds) for path in PLANS}
+    seeds = {path.stem: set(load_plan(path).seeds) for path in PLANS}
     picked = set.union(*(seeds.pop(name) for name in ("first-try", "second-try", "weights", "cycles")))
     assert picked.isdisjoint(set.union(*seeds.values()))
 

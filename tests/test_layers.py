@@ -128,7 +128,7 @@ def test_a_module_keeps_the_house_rules(module):
         ("coachable.experiments.runner", "from coachable import cli"),
         ("coachable.foundation.errors", "import coachable"),
         ("coachable.analysis.figures", "from coachable.learning import policy"),
-        ("coachable.analysis.figures", "from coachable.experiments.runner import run_study"),
+        ("coachable.analysis.figures", "from coachable.experiments.runner import run_experiment"),
         ("coachable.analysis.figures", "from coachable.automata.hybrid import HybridAutomaton"),
         ("coachable.viewing.strobe", "from coachable.analysis import figures"),
         ("coachable.behaviours.behaviour", "import numpy as np"),
@@ -150,7 +150,7 @@ def test_a_planted_violation_is_found(module, source):
 @pytest.mark.parametrize(
     ("module", "source"),
     [
-        ("coachable.__init__", "from coachable.experiments.runner import run_study"),
+        ("coachable.__init__", "from coachable.experiments.runner import run_experiment"),
         (
             "coachable.automata.hybrid",
             "from ..behaviours.behaviour import Behaviour\nfrom ..plants import compass",

@@ -7,7 +7,7 @@ import numpy as np
 
 from bench.orthants import BEHAVIOUR
 from coachable.automata.classifier import Classifier
-from coachable.experiments.compiled import COMPILER_OPTIONS
+from coachable.experiments.trainers.compiled import COMPILER_OPTIONS
 
 
 def prepare(num_states: int, library: str, calls: int):

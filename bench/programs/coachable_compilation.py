@@ -4,27 +4,29 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from coachable.behaviours.library import load_behaviour
-from coachable.experiments.compiled import Tasks, compile_programs
-from coachable.experiments.layout import group_widths, num_cores
-from coachable.experiments.plan import Study, load_plan
+from coachable.experiments.experiment import Experiment
+from coachable.experiments.layout import batch_sizes, num_cores
+from coachable.experiments.plan import load_plan
 from coachable.experiments.runner import set_up_jax
+from coachable.experiments.trainers.compiled import Tasks, compile_programs
+from coachable.learning.config import PPOConfig
 
 
 def prepare(num_lanes: int):
     """Everything that a study of so many lanes compiles; the unit is the study."""
     set_up_jax()
-    study = study_of(num_lanes)
+    experiment = experiment_of(num_lanes)
 
     def work():
-        tasks = Tasks.of(study, load_behaviour(study.behaviour))
-        compile_programs(study, tasks, group_widths(num_lanes, num_cores()), num_cores())
+        tasks = Tasks.of(experiment)
+        sizes = batch_sizes(num_lanes, num_cores())
+        compile_programs(experiment, PPOConfig(), tasks, sizes, num_cores())
 
     return work, 1
 
 
-def study_of(num_lanes: int) -> Study:
+def experiment_of(num_lanes: int) -> Experiment:
     """The paper's study with another number of lanes: its four setups where they go in evenly, else one."""
-    study = load_plan("paper")
-    setups = study.setups if num_lanes % len(study.setups) == 0 else study.setups[:1]
-    return replace(study, setups=setups, num_seeds=num_lanes // len(setups))
+    experiment = load_plan("paper")
+    setups = experiment.setups if num_lanes % len(experiment.setups) == 0 else experiment.setups[:1]
+    return replace(experiment, setups=setups, num_seeds=num_lanes // len(setups))

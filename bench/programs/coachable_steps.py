@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from coachable.envs.walking_task import make_task
-from coachable.experiments.compiled import COMPILER_OPTIONS
+from coachable.experiments.trainers.compiled import COMPILER_OPTIONS
 from coachable.rewards.setup import PAPER_SETUPS
 
 

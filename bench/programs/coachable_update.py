@@ -19,7 +19,7 @@ from functools import partial
 import jax
 
 from coachable.envs.walking_task import make_task
-from coachable.experiments.compiled import COMPILER_OPTIONS
+from coachable.experiments.trainers.compiled import COMPILER_OPTIONS
 from coachable.learning import ppo
 from coachable.learning.config import PPOConfig
 from coachable.rewards.setup import PAPER_SETUPS

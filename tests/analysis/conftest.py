@@ -1,12 +1,14 @@
 """Studies that never ran: tables with known content, and the measurements in them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pyarrow as pa
 import pytest
 
 from coachable.analysis import intervals, significance
 from coachable.analysis.measurements import Measurements, SetupRuns, measure_tables
-from coachable.experiments.plan import Study, with_options
+from coachable.experiments.plan import load_plan
 from coachable.rewards.setup import RewardSetup
 
 PAPER = ("sparse", "forward", "orthant", "forward+orthant")
@@ -16,9 +18,8 @@ def tables(setups=PAPER, *, num_seeds=4, steps=50_000, survival=True, semantics=
     """The arguments of `measure_tables`: walkers that learn to walk, the later setups a little better."""
     rng = np.random.default_rng(seed)
     names = tuple(RewardSetup(name=name) for name in setups)
-    plan = with_options(
-        Study(name="made-up", steps=steps, num_seeds=num_seeds, setups=names), semantics=semantics
-    )
+    plan = load_plan("paper", name="made-up", steps=steps, seeds=num_seeds, semantics=semantics)
+    plan = replace(plan, setups=names)
     baseline = {"hip_x": 7.8, "foot_x": 7.6, "returns": {name: 8.0 + 2 * k for k, name in enumerate(setups)}}
     steps_of_evaluations = [*range(10_000, steps + 1, 10_000), 2048 * plan.num_updates]
     evaluations, episodes, survivals = [], [], []

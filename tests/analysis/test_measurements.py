@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -8,16 +10,21 @@ from hypothesis import strategies as st
 
 from coachable.analysis.measurements import Measurements, SetupRuns, measure, measure_tables
 from coachable.behaviours.library import load_behaviour
-from coachable.experiments.plan import Study
+from coachable.experiments.plan import load_plan
 from coachable.experiments.run_folder.reader import Run
-from coachable.experiments.run_folder.schemas import SCHEMAS
+from coachable.experiments.run_folder.schemas import schemas
 from coachable.foundation.errors import RunFolderError
 from coachable.rewards.setup import RewardSetup
 
 
+def by_hand_plan(**options):
+    plan = load_plan("paper", name="by-hand", steps=30_000, seeds={"first": 7, "count": 2}, **options)
+    return replace(plan, setups=(RewardSetup(name="a-b"),))
+
+
 def by_hand(**changes):
     """One setup, two seeds, three evaluations and a final one."""
-    plan = Study(name="by-hand", steps=30_000, num_seeds=2, first_seed=7, setups=(RewardSetup(name="a-b"),))
+    plan = by_hand_plan()
     evaluations = {
         "lane": ["a-b-8"] * 4 + ["a-b-7"] * 4,
         "step": [30_720, 10_000, 20_000, 30_000] * 2,
@@ -73,16 +80,7 @@ def test_reaching_the_baseline_exactly_is_not_passing_it():
 
 
 def test_the_released_code_measures_the_stance_foot():
-    released = Study(
-        name="by-hand",
-        semantics="released-code",
-        reward_variant="released",
-        behaviour="compass-walking-released",
-        steps=30_000,
-        num_seeds=2,
-        first_seed=7,
-        setups=(RewardSetup(name="a-b"),),
-    )
+    released = by_hand_plan(semantics="released-code")
     runs = measure_tables(*by_hand(_0=released))
     assert runs.baseline_distance == 8.0
     assert runs["a-b"].highest.tolist() == [2.5, 8.5]
@@ -152,9 +150,9 @@ def test_a_run_folder_gives_what_its_tables_do(tmp_path, tables):
             field.name: table[field.name]
             if field.name in table.column_names
             else zeros.astype(field.type.to_pandas_dtype())
-            for field in SCHEMAS[name]
+            for field in schemas(plan.problem)[name]
         }
-        pq.write_table(pa.table(columns).cast(SCHEMAS[name]), tmp_path / f"{name}.parquet")
+        pq.write_table(pa.table(columns).cast(schemas(plan.problem)[name]), tmp_path / f"{name}.parquet")
     manifest = {"status": "complete", "baseline": baseline, "files": {}}
     run = Run(tmp_path, plan, load_behaviour(plan.behaviour), manifest)
     expected = measure_tables(plan, baseline, evaluations, episodes, survival)

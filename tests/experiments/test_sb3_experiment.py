@@ -1,4 +1,4 @@
-"""A small experiment with a plant, trained by stable-baselines3: the same folder, tables and commands as ours."""
+"""A plant trained by stable-baselines3: the same folder, tables and commands as with our PPO."""
 
 import json
 

@@ -15,10 +15,11 @@ pytest.importorskip("mujoco", reason="needs the [mujoco] extra: pip install 'coa
 from coachable import cli
 from coachable.automata.trace_file import read_trace
 from coachable.envs.signals.limbs import Limbs
-from coachable.experiments.run_folder.reader import TrainingRun
-from coachable.experiments.training import EVALUATION_SEED, load_training
-from coachable.experiments.training_runner import run_training
-from coachable.experiments.training_walks import recorded_walk
+from coachable.experiments.experiment import EVALUATION_SEED
+from coachable.experiments.plan import load_plan
+from coachable.experiments.recorded_episodes import recorded_walk
+from coachable.experiments.run_folder.reader import Run
+from coachable.experiments.runner import run_experiment
 from coachable.verification import gait_survey
 from coachable.viewing.side_view import SIDE, SideView
 
@@ -59,7 +60,7 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("walker")
     (folder / "hopping.behaviour").write_text(HOPPING)
     (folder / "walker.toml").write_text(PLAN)
-    return run_training(load_training(folder / "walker.toml"), folder / "run", progress=False)
+    return run_experiment(load_plan(folder / "walker.toml"), folder / "run", progress=False)
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +119,7 @@ def test_only_robots_of_mujoco_have_limbs():
 def test_the_survey_measures_every_episode(run, capsys):
     cli.main(["gait", str(run.path), "--episodes", "2", "--speed", "0.1"])
     told = capsys.readouterr().out
-    gaits = TrainingRun.open(run.path).gaits()
+    gaits = Run.open(run.path).columns("gaits")
     assert sorted(zip(gaits["lane"], gaits["episode"], strict=True)) == [
         (f"{setup}-0", episode) for setup in ("alone", "both") for episode in (0, 1)
     ]

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("stable_baselines3", reason="needs the [sb3] extra: pip install 'coachable[sb3]'")
 
-from coachable.experiments.study import steps_an_update
+from coachable.experiments.trainers.stable_baselines3 import StableBaselines3
 from coachable.foundation.errors import PlanError
 from coachable.learning.sb3 import ALGORITHMS, Learner, check_settings
 
@@ -134,7 +134,7 @@ def test_it_pauses_between_updates_only():
 def test_we_know_how_often_their_weights_change(trainer):
     signature = inspect.signature(ALGORITHMS[trainer].__init__)
     name = "n_steps" if trainer == "sb3-ppo" else "train_freq"
-    assert steps_an_update(trainer, {}) == signature.parameters[name].default
+    assert StableBaselines3(trainer).steps_an_update == signature.parameters[name].default
 
 
 @pytest.mark.parametrize(

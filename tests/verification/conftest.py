@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from safetensors.numpy import save
 
-from coachable.behaviours.library import load_behaviour
-from coachable.experiments.plan import Study
+from coachable.experiments.plan import load_plan
 from coachable.experiments.run_folder.writer import RunFolder
 from coachable.learning.policy import Policy
 from coachable.plants.compass import START, STATE_NAMES, CompassWalker
 from coachable.plants.controllers import VirtualGravity
-from coachable.rewards.setup import RewardSetup
 from coachable.verification.gait.orbit import find_orbits
 from coachable.verification.gait.section import Loop, in_double
 from coachable.verification.gait.walk import settle, stacked
@@ -86,8 +84,8 @@ def two_walkers(tmp_path_factory):
 def begun_run(path, num_seeds):
     """A run folder in which the first two seeds have policies."""
     path.mkdir()
-    study = Study(name="small", num_seeds=num_seeds, setups=(RewardSetup(name="orthant", orthant=0.01),))
-    folder = RunFolder.begin(path, study, load_behaviour("compass-walking"), (num_seeds,), baseline={})
+    plan = load_plan("paper", name="small", seeds=num_seeds, setups=["orthant"])
+    folder = RunFolder.begin(path, plan, (num_seeds,), {})
     for seed, policy in enumerate((WALKS, FALLS)):
         folder.write(f"policies/orthant-{seed}-last.safetensors", save(policy.tensors()))
         folder.write(f"policies/orthant-{seed}-last.json", json.dumps(policy.description()))

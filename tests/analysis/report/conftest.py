@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,11 +14,11 @@ from coachable.analysis import intervals, significance, statistics
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.baselines import baseline
-from coachable.experiments.plan import Study, with_options
+from coachable.experiments.plan import load_plan
 from coachable.experiments.run_folder.reader import BASELINE
-from coachable.experiments.run_folder.schemas import SCHEMAS, table_of
+from coachable.experiments.run_folder.schemas import schemas, table_of
 from coachable.experiments.run_folder.writer import RunFolder
-from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES
+from coachable.rewards.setup import TERM_NAMES
 
 SETUPS = ("sparse", "forward", "orthant", "forward+orthant")
 STEPS = 60_000
@@ -45,19 +46,19 @@ def make_run(gait):
     def make(
         path, *, setups=SETUPS, num_seeds=1, seconds=10.0, semantics="paper", behaviour=None, name="made-up"
     ):
-        plan = with_options(
-            Study(name=name, steps=STEPS, num_seeds=num_seeds, setups=tuple(PAPER_SETUPS[s] for s in setups)),
-            semantics=semantics,
+        plan = load_plan(
+            "paper", name=name, steps=STEPS, seeds=num_seeds, setups=list(setups), semantics=semantics
         )
-        behaviour = behaviour or load_behaviour(plan.behaviour)
+        if behaviour is not None:
+            plan = replace(plan, problem=replace(plan.problem, behaviour=behaviour))
         returns = {setup: gait.rewards[setup] for setup in setups}
         reference = {"controller": BASELINE, "hip_x": gait.hip_x, "foot_x": gait.foot_x, "returns": returns}
         path.mkdir(parents=True)
-        folder = RunFolder.begin(path, plan, behaviour, (len(plan.lanes),), baseline=reference)
+        folder = RunFolder.begin(path, plan, (len(plan.lanes),), reference)
         columns = made_up(plan, gait.trajectory, seconds)
-        for table in SCHEMAS:
-            folder.write_table(table, table_of(SCHEMAS[table], getattr(columns, table)))
-        folder.complete()
+        for table, schema in schemas(plan.problem).items():
+            folder.write_table(table, table_of(schema, getattr(columns, table)))
+        folder.complete(schemas(plan.problem))
         return path
 
     return make

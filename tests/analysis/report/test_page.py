@@ -137,7 +137,7 @@ def test_it_says_where_it_comes_from(page, four):
         manifest["files"]["plan.toml"],
     ):
         assert said in page
-    assert "coachable study plan.toml --out runs/four" in page
+    assert "coachable train plan.toml --out runs/four" in page
     assert "hidden_sizes = [64, 64]" in page
     assert "passport" not in page
 

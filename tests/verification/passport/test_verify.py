@@ -5,7 +5,7 @@ import json
 import pytest
 
 from coachable import cli
-from coachable.experiments.run_folder.reader import load_run
+from coachable.experiments.run_folder.reader import open_run
 from coachable.verification import verify as verify_module
 from coachable.verification.passport.closed_loop import lane_subject
 from coachable.verification.passport.passport import read_passport
@@ -42,7 +42,7 @@ def test_a_walker_gets_its_passport_and_the_run_stays_readable(capsys, run_folde
     assert passport.stability.num_clipped[1] > 0
     assert {basin.starts: basin.reached.total for basin in passport.basins} == {"start": 20, "section": 20}
     assert path.with_name("orthant-0-automaton.svg").exists()
-    assert load_run(run_folder).policy("orthant", 0).clock == "free"
+    assert open_run(run_folder).policy("orthant", 0).clock == "free"
 
 
 def test_a_walker_that_falls_has_a_passport_that_says_so(capsys, run_folder, tmp_path):
@@ -58,7 +58,7 @@ def test_a_walker_that_falls_has_a_passport_that_says_so(capsys, run_folder, tmp
 
 def test_a_passport_is_kept_for_the_same_policy_only(capsys, run_folder, tmp_path):
     run(capsys, run_folder, "--seed", 1, "--out", tmp_path)
-    subject = lane_subject(load_run(run_folder), "orthant", 1)
+    subject = lane_subject(open_run(run_folder), "orthant", 1)
     assert verify_module.kept_passport(tmp_path, subject, "quick") is not None
     assert verify_module.kept_passport(tmp_path, subject, "full") is None
     path = tmp_path / "orthant-1.json"
