@@ -16,7 +16,7 @@ from typing import Any
 from bench.child import Measurement, Program, measure
 from bench.report import report
 from bench.table import markdown
-from coachable.experiments.layout import WIDEST_GROUP
+from coachable.experiments.layout import WIDEST_BATCH
 
 LANES = (1, 4, 15, 60, 240)
 VECTORS = (1, 256)
@@ -62,7 +62,7 @@ def programs(cache: str, quick: bool) -> dict[str, Program]:
     wrappers = ("coachable", "coachable, Perry's phases", *others)
     return {
         "steps": program(
-            "coachable_steps", 3, ONE_XLA_THREAD, num_lanes=WIDEST_GROUP, num_steps=50_000 // shrink
+            "coachable_steps", 3, ONE_XLA_THREAD, num_lanes=WIDEST_BATCH, num_steps=50_000 // shrink
         ),
         "SciPy, matrices": program("scipy_steps", 3, flow="matrix", num_steps=5000 // shrink),
         "SciPy, floats": program("scipy_steps", 3, flow="scalar", num_steps=5000 // shrink),

@@ -178,7 +178,7 @@ def test_stopped_it_goes_on_from_its_checkpoint(plan, tmp_path):
 
 def test_the_environments_reward_can_be_put_together_anew(plan):
     text = PLAN.replace("[setups.alone]\nweight = 0", "[setups.alone]\nweight = 0\nterms = { bonus = 2 }")
-    experiment = parse_plan(text, "plan.toml", behaviour=parse(SWING))
+    experiment = parse_plan(text, "plan.toml", described=parse(SWING))
     env = experiment.problem.environment(experiment.setup("alone"))
     env.reset(seed=0)
     with pytest.raises(CoachableError, match="no term 'bonus'"):
@@ -297,7 +297,7 @@ def opened(monkeypatch):
 
 
 def test_trying_a_plan_out_leaves_nothing_behind(plan, opened):
-    experiment = parse_plan(plan.read_text() + "n_envs = 2\n", "plan", behaviour=parse(SWING))
+    experiment = parse_plan(plan.read_text() + "n_envs = 2\n", "plan", described=parse(SWING))
     num_threads = torch.get_num_threads()
     torch.set_num_threads(num_threads + 1)
     drawn = []

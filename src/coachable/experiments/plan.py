@@ -124,17 +124,17 @@ def load_plan(name_or_path: str | Path | None, **options: Any) -> Experiment:
 
 
 def parse_plan(
-    text: str, source: str, folder: Path | None = None, behaviour: Behaviour | None = None, **options: Any
+    text: str, source: str, folder: Path | None = None, described: Behaviour | None = None, **options: Any
 ) -> Experiment:
     """`load_plan` for TOML text named `source` in messages, with a behaviour's file in `folder`.
 
-    **Arguments:** `behaviour`, the behaviour itself, where its text is kept elsewhere.
+    **Arguments:** `described`, the behaviour itself, where its text is kept elsewhere.
     """
     data = parse_toml(text, source, PlanError)
     described_by = data.get("behaviour")
     if folder is not None and isinstance(described_by, str) and described_by not in SHIPPED:
         data["behaviour"] = str(folder / described_by)
-    return resolve((source, data), _options(options), behaviour=behaviour)
+    return resolve((source, data), _options(options), described=described)
 
 
 def with_options(experiment: Experiment, **options: Any) -> Experiment:
@@ -148,7 +148,7 @@ def with_options(experiment: Experiment, **options: Any) -> Experiment:
     return resolve((f"experiment {experiment.name!r}", data), _options(options))
 
 
-def resolve(*layers: tuple[str, Mapping[str, Any]], behaviour: Behaviour | None = None) -> Experiment:
+def resolve(*layers: tuple[str, Mapping[str, Any]], described: Behaviour | None = None) -> Experiment:
     """An experiment from layers of plan data, (source, nested tables), later ones winning key by key.
 
     A layer's `setups` replace those below as a whole: a table of setups by name (weights left out are the
@@ -162,7 +162,7 @@ def resolve(*layers: tuple[str, Mapping[str, Any]], behaviour: Behaviour | None 
             given[key] = {**given.get(key, {}), **value} if key in _MERGED else value
     sources = " with ".join(source for source, data in layers if data) or layers[0][0]
     try:
-        return _resolved(given, layers, sources, behaviour)
+        return _resolved(given, layers, sources, described)
     except ParameterError as error:
         raise PlanError(f"{sources}: {error}") from None
 
@@ -171,7 +171,7 @@ def _resolved(
     given: Mapping[str, Any],
     layers: Sequence[tuple[str, Mapping[str, Any]]],
     sources: str,
-    behaviour: Behaviour | None,
+    described: Behaviour | None,
 ) -> Experiment:
     env = given.get("env", "")
     compass_walker = env.removeprefix("coachable.envs:") == COMPASS_WALKER
@@ -185,7 +185,7 @@ def _resolved(
         defaults["count"] = 1
     seeds = structure_given(_Seeds, given.get("seeds", {}), sources, PlanError, "seeds")
     trainer = _trainer(given.get("trainer", defaults["trainer"]), given, sources)
-    problem, described_by = (_plant_problem if of_plant else _environment_problem)(given, sources, behaviour)
+    problem, described_by = (_plant_problem if of_plant else _environment_problem)(given, sources, described)
     setup_type = RewardSetup if of_plant else DescribedSetup
     setups: tuple[Setup, ...] = (DescribedSetup(name="both"),)
     if of_plant:
@@ -218,7 +218,7 @@ def _resolved(
 
 
 def _plant_problem(
-    given: Mapping[str, Any], sources: str, behaviour: Behaviour | None
+    given: Mapping[str, Any], sources: str, described: Behaviour | None
 ) -> tuple[Problem, str]:
     for key, choices in _CHOICES.items():
         if key in given and given[key] not in choices:
@@ -227,7 +227,7 @@ def _plant_problem(
     implied = {**IMPLIED[semantics], **given}
     plant = structure_given(CompassParameters, given.get("plant", {}), sources, PlanError, "plant")
     return PlantProblem(
-        behaviour=behaviour or load_behaviour(implied["behaviour"]),
+        behaviour=described or load_behaviour(implied["behaviour"]),
         plant=CompassParameters(**plant),
         semantics=semantics,
         reward_variant=implied["reward_variant"],
@@ -236,13 +236,13 @@ def _plant_problem(
 
 
 def _environment_problem(
-    given: Mapping[str, Any], sources: str, behaviour: Behaviour | None
+    given: Mapping[str, Any], sources: str, described: Behaviour | None
 ) -> tuple[Problem, str]:
     described_by = given.get("behaviour", "")
     if not described_by:
         raise PlanError(f"{sources}: which behaviour? Give --behaviour, a shipped name or a file")
     return EnvironmentProblem(
-        behaviour=behaviour or load_behaviour(described_by),
+        behaviour=described or load_behaviour(described_by),
         env=given["env"],
         env_options=given.get("env_options", {}),
         signals=given.get("signals", {}),
@@ -262,10 +262,13 @@ def _trainer(name: str, given: Mapping[str, Any], sources: str) -> Trainer:
                 f"{sources}: the table {other} is not for trainer = {name!r}; its table is {table}"
             )
     settings = {**given.get(table, {}), **given.get("settings", {})}
-    if name == "ppo":
-        return PPO(PPOConfig(**structure_given(PPOConfig, settings, sources, PlanError, "ppo")))
-    if name in _ALGORITHMS:
-        return StableBaselines3(name, settings)  # pyright: ignore[reportArgumentType]
+    try:
+        if name == "ppo":
+            return PPO(PPOConfig(**structure_given(PPOConfig, settings, "the trainer", PlanError, "ppo")))
+        if name in _ALGORITHMS:
+            return StableBaselines3(name, settings)  # pyright: ignore[reportArgumentType]
+    except PlanError as error:
+        raise PlanError(f"{sources}: {error}") from None
     module, colon, attribute = name.partition(":")
     if not colon:
         hint = suggestion(name, ("ppo", *_ALGORITHMS))

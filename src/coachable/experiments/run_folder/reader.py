@@ -68,7 +68,7 @@ class Run:
             raise RunFolderError(f"{path / 'behaviour.behaviour'} is damaged: {error}") from None
         plan = path / "plan.toml"
         try:
-            experiment = parse_plan(_text(plan, hashes.get("plan.toml")), str(plan), behaviour=behaviour)
+            experiment = parse_plan(_text(plan, hashes.get("plan.toml")), str(plan), described=behaviour)
         except PlanError as error:
             raise RunFolderError(f"{plan} is damaged: {error}") from None
         return Run(path, experiment, manifest)
