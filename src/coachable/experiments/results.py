@@ -16,8 +16,9 @@ from coachable.envs.walking_task import NO_BOX, make_task
 from coachable.experiments.log import Columns
 from coachable.experiments.plan import Lane, Study
 from coachable.experiments.run_folder.reader import BASELINE, Which
-from coachable.experiments.run_folder.schemas import SCHEMAS, table_of
+from coachable.experiments.run_folder.schemas import SCHEMAS
 from coachable.experiments.run_folder.writer import RunFolder
+from coachable.foundation.tables import table_of
 from coachable.learning.policy import Policy
 from coachable.plants.compass import STATE_NAMES
 from coachable.plants.controllers import VirtualGravity

@@ -17,12 +17,13 @@ from coachable.experiments.progress import Report, SetupStatus, Status, progress
 from coachable.experiments.results import write_policy
 from coachable.experiments.run_folder.lock import locked
 from coachable.experiments.run_folder.reader import TrainingRun
-from coachable.experiments.run_folder.schemas import TRAINING_SCHEMAS, table_of
+from coachable.experiments.run_folder.schemas import TRAINING_SCHEMAS
 from coachable.experiments.run_folder.writer import RunFolder
 from coachable.experiments.sb3_lane import MOST_TIME_FOR_SAVING, load_lane, require_sb3
 from coachable.experiments.training import Training
 from coachable.experiments.training_lane import TrainingLane, require_trainable, with_share
 from coachable.foundation.errors import MissingExtraError, PlanError
+from coachable.foundation.tables import table_of
 
 SECONDS_BETWEEN_TABLES = 60.0
 

@@ -1,8 +1,14 @@
 """One family of exceptions: every message says what is wrong, where, and what to do about it."""
 
+from collections.abc import Callable
+
 
 class CoachableError(Exception):
     """A mistake the user can mend; the command line prints it without a traceback."""
+
+
+Raises = Callable[[str], CoachableError]
+"""The class of the error that a function raises with its message, where its caller chooses it."""
 
 
 class ParameterError(CoachableError):

@@ -13,10 +13,11 @@ from jaxtyping import Bool, Float
 from coachable.automata.monitor import Monitor
 from coachable.behaviours.behaviour import Behaviour
 from coachable.experiments.run_folder.reader import TrainingRun, Which
-from coachable.experiments.run_folder.schemas import GAITS, table_of
+from coachable.experiments.run_folder.schemas import GAITS
 from coachable.experiments.training_walks import RecordedWalk, recorded_walk
 from coachable.foundation.errors import ParameterError
-from coachable.foundation.files import table_bytes, write_atomic
+from coachable.foundation.files import write_atomic
+from coachable.foundation.tables import table_bytes, table_of
 from coachable.gaits.measures import CONTACT, feet, gait, measures
 
 

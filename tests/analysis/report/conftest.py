@@ -15,8 +15,9 @@ from coachable.behaviours.library import load_behaviour
 from coachable.envs.baselines import baseline
 from coachable.experiments.plan import Study, with_options
 from coachable.experiments.run_folder.reader import BASELINE
-from coachable.experiments.run_folder.schemas import SCHEMAS, table_of
+from coachable.experiments.run_folder.schemas import SCHEMAS
 from coachable.experiments.run_folder.writer import RunFolder
+from coachable.foundation.tables import table_of
 from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES
 
 SETUPS = ("sparse", "forward", "orthant", "forward+orthant")

@@ -20,8 +20,9 @@ from coachable.experiments.plan import Lane, Study, parse_plan
 from coachable.experiments.run_folder.schemas import FORMAT_VERSION, GAITS, SCHEMAS, TRAINING_SCHEMAS
 from coachable.experiments.training import Training, parse_training
 from coachable.foundation.errors import BehaviourError, PlanError, RunFolderError
-from coachable.foundation.files import read_bytes, table_from
+from coachable.foundation.files import read_bytes
 from coachable.foundation.suggestion import suggestion
+from coachable.foundation.tables import table_from
 
 if TYPE_CHECKING:
     from coachable.learning.policy import Policy

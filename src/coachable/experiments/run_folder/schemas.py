@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-import numpy as np
 import pyarrow as pa
 
 from coachable.plants.compass import STATE_NAMES
@@ -120,8 +119,3 @@ GAITS = _columns(
 `follows` is the share of steps that belong to the behaviour; `cycles` how many of its cycles are completed a
 second, NaN if it has none; `dt` the time between two steps.
 """
-
-
-def table_of(schema: pa.Schema, columns: Mapping[str, np.ndarray | list]) -> pa.Table:
-    """A table from its columns, in the schema's order."""
-    return pa.table([pa.array(columns[field.name], field.type) for field in schema], schema=schema)

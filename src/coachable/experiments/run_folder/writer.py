@@ -21,7 +21,8 @@ from coachable.experiments.run_folder.reader import Run, TrainingRun
 from coachable.experiments.run_folder.schemas import FORMAT_VERSION, SCHEMAS
 from coachable.experiments.training import Training
 from coachable.foundation.errors import RunFolderError
-from coachable.foundation.files import hash_of, read_bytes, table_bytes, write_atomic
+from coachable.foundation.files import hash_of, read_bytes, write_atomic
+from coachable.foundation.tables import table_bytes
 from coachable.rewards.reward_hash import hash_of_paid, reward_hash
 
 _FIRST_FILES = ("plan.toml", "behaviour.behaviour", "automaton.svg")

@@ -12,9 +12,10 @@ import pytest
 
 from coachable.experiments.run_folder.checkpoint import arrays_of, load_arrays, save_arrays, tree_from
 from coachable.experiments.run_folder.lock import locked
-from coachable.experiments.run_folder.schemas import SCHEMAS, table_of
+from coachable.experiments.run_folder.schemas import SCHEMAS
 from coachable.foundation.errors import RunFolderError
-from coachable.foundation.files import hash_of, read_bytes, table_bytes, table_from, write_atomic
+from coachable.foundation.files import hash_of, read_bytes, write_atomic
+from coachable.foundation.tables import table_bytes, table_from, table_of
 
 TREE = {
     "weights": (jnp.arange(6.0).reshape(2, 3), jnp.float32(2.0)),
