@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
 from importlib import resources
@@ -13,11 +12,12 @@ from typing import Any
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import SHIPPED, load_behaviour
 from coachable.experiments.study import Lane as Lane
+from coachable.experiments.study import Seeds, check_choices
 from coachable.experiments.study import Study as Study
-from coachable.experiments.study import check_choices
 from coachable.experiments.study import differences as differences
-from coachable.foundation.data import seeds, table, text_of, typed, types
+from coachable.foundation.data import parse_toml, structure, structure_given
 from coachable.foundation.errors import CoachableError, PlanError
+from coachable.foundation.files import read_text
 from coachable.foundation.suggestion import suggestion
 from coachable.learning.config import PPOConfig
 from coachable.plants.compass import STATE_NAMES, CompassParameters
@@ -52,7 +52,7 @@ def load_plan(name_or_path: str | Path, **options: Any) -> Study:
     """
     if Path(name_or_path).is_file():
         path = Path(name_or_path)
-        return parse_plan(text_of(path), str(path), path.parent, **options)
+        return parse_plan(read_text(path, error=PlanError), str(path), path.parent, **options)
     if (name := str(name_or_path)) in shipped_plans():
         source, text = f"plan {name!r}", (_SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
         return parse_plan(text, source, **options)
@@ -61,10 +61,7 @@ def load_plan(name_or_path: str | Path, **options: Any) -> Study:
 
 def parse_plan(text: str, source: str, folder: Path | None = None, **options: Any) -> Study:
     """`load_plan` for TOML text that messages call `source`, with a behaviour's file in `folder`."""
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise PlanError(f"{source} is not TOML: {error}") from None
+    data = parse_toml(text, source, PlanError)
     behaviour = data.get("behaviour")
     if folder is not None and isinstance(behaviour, str) and behaviour not in SHIPPED:
         data["behaviour"] = str(folder / behaviour)
@@ -109,18 +106,16 @@ def resolve(*layers: tuple[str, Mapping[str, Any]]) -> Study:
             if key == "setups":
                 setups = _setups(value, source, setups)
             elif key == "seeds":
-                merged |= {
-                    f"{k}_seed" if k == "first" else "num_seeds": v for k, v in seeds(value, source).items()
-                }
+                given = structure_given(Seeds, value, source, PlanError, key)
+                merged |= {f"{k}_seed" if k == "first" else "num_seeds": v for k, v in given.items()}
             elif key in ("plant", "ppo"):
                 kind = CompassParameters if key == "plant" else PPOConfig
-                merged[key] = merged.get(key, {}) | table(value, types(kind), source, key)
+                merged[key] = merged.get(key, {}) | structure_given(kind, value, source, PlanError, key)
             elif key == "sb3":
-                if not isinstance(value, Mapping):
-                    raise PlanError(f"{source}: sb3 must be a table of settings, got {value!r}")
-                merged[key] = merged.get(key, {}) | value
+                settings = structure(Mapping[str, Any], value, source, PlanError, key)
+                merged[key] = {**merged.get(key, {}), **settings}
             else:
-                merged[key] = typed(value, int if key in ("steps", "evaluate_every") else str, source, key)
+                merged |= structure_given(Study, {key: value}, source, PlanError)
     if "name" not in merged:
         raise PlanError(f'{layers[0][0]}: the plan has no name; add a line such as name = "mine"')
     sources = " with ".join(source for source, data in layers if data)
@@ -152,7 +147,7 @@ def _setups(value: Any, source: str, below: tuple[RewardSetup, ...]) -> tuple[Re
 
 
 def _setup(name: str, weights: Any, source: str) -> RewardSetup:
-    said = table(weights, types(RewardSetup), source, f"setups.{name}")
+    said = structure_given(RewardSetup, weights, source, PlanError, f"setups.{name}", without=("name",))
     try:
         if name in PAPER_SETUPS:
             return dataclasses.replace(PAPER_SETUPS[name], **said)

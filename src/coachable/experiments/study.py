@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from math import prod
 from typing import Any, Literal, Protocol, runtime_checkable
 
+from coachable.foundation.data import toml_text
 from coachable.foundation.errors import PlanError
 from coachable.foundation.suggestion import suggestion
-from coachable.foundation.toml_writer import toml_text
 from coachable.learning.config import PPOConfig
 from coachable.plants.compass import CompassParameters
 from coachable.rewards.phase_reward import VARIANTS, Variant
@@ -38,6 +38,14 @@ class Lane:
     def name(self) -> str:
         """`setup-seed`, as in the run folder."""
         return f"{self.setup}-{self.seed}"
+
+
+@dataclass(frozen=True)
+class Seeds:
+    """The table `seeds` of a plan."""
+
+    first: int
+    count: int
 
 
 @dataclass(frozen=True, kw_only=True)

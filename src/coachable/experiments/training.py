@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
@@ -13,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from coachable.behaviours.library import SHIPPED
-from coachable.experiments.study import Lane, Trainer, check_choices, steps_an_update
-from coachable.foundation.data import seeds, table, text_of, typed, types
+from coachable.experiments.study import Lane, Seeds, Trainer, steps_an_update
+from coachable.foundation.data import parse_toml, structure, structure_given, toml_text
 from coachable.foundation.errors import PlanError
+from coachable.foundation.files import read_text
 from coachable.foundation.suggestion import suggestion
-from coachable.foundation.toml_writer import toml_text
 from coachable.rewards.phase_reward import Variant
 
 TRAINERS = ("sb3-ppo", "sb3-sac", "sb3-td3")
@@ -153,15 +152,7 @@ class Training:
         }
 
 
-_PLAIN: dict[str, type] = {
-    "name": str,
-    "env": str,
-    "behaviour": str,
-    "trainer": str,
-    "steps": int,
-    "evaluate_every": int,
-    "evaluation_episodes": int,
-}
+_PLAIN = ("name", "env", "behaviour", "trainer", "steps", "evaluate_every", "evaluation_episodes")
 
 
 def load_training(path: Path | None, **options: Any) -> Training:
@@ -174,12 +165,12 @@ def load_training(path: Path | None, **options: Any) -> Training:
     """
     if path is None:
         return resolve({}, "the options", **options)
-    return parse_training(text_of(path), str(path), path.parent, **options)
+    return parse_training(read_text(path, error=PlanError), str(path), path.parent, **options)
 
 
 def parse_training(text: str, source: str, folder: Path | None = None, **options: Any) -> Training:
     """`load_training` for TOML text that messages call `source`, with a behaviour's file in `folder`."""
-    data = _toml(text, source)
+    data = parse_toml(text, source, PlanError)
     behaviour = data.get("behaviour")
     if folder is not None and isinstance(behaviour, str) and behaviour not in SHIPPED:
         data["behaviour"] = str(folder / behaviour)
@@ -196,12 +187,12 @@ def resolve(data: Mapping[str, Any], source: str, **options: Any) -> Training:
         if key not in known:
             raise PlanError(f"{source}: unknown key {key!r}; {suggestion(key, sorted(known))}")
         if key == "seeds":
-            said = seeds(value, source)
+            said = structure_given(Seeds, value, source, PlanError, key)
             values |= {"first_seed" if k == "first" else "num_seeds": v for k, v in said.items()}
         elif key == "setups":
             values[key] = _setups(value, source)
         else:
-            values[key] = typed(value, _PLAIN.get(key, dict), source, key)
+            values |= structure_given(Training, {key: value}, source, PlanError)
     values |= given
     values |= {} if count is None else {"num_seeds": count}
     values |= {} if settings is None else {"sb3": {**values.get("sb3", {}), **settings}}
@@ -223,10 +214,10 @@ def trainer_settings(name_or_path: str) -> dict[str, Any]:
     """
     path = Path(name_or_path)
     if path.is_file():
-        return _toml(text_of(path), str(path))
+        return parse_toml(read_text(path, error=PlanError), str(path), PlanError)
     if name_or_path in shipped_settings():
         file = _SHIPPED_SETTINGS / f"{name_or_path}.toml"
-        return _toml(file.read_text(encoding="utf-8"), f"settings {name_or_path!r}")
+        return parse_toml(file.read_text(encoding="utf-8"), f"settings {name_or_path!r}", PlanError)
     hint = suggestion(name_or_path, shipped_settings())
     raise PlanError(f"{name_or_path!r} are neither settings that ship nor a file; {hint}")
 
@@ -238,26 +229,14 @@ def shipped_settings() -> list[str]:
 
 
 def _setups(value: Any, source: str) -> tuple[DescribedSetup, ...]:
-    if not isinstance(value, Mapping):
-        raise PlanError(f"{source}: setups must be tables by name, got {value!r}")
-    return tuple(_setup(name, said, source) for name, said in value.items())
+    setups = structure(Mapping[str, Any], value, source, PlanError, "setups")
+    return tuple(_setup(name, said, source) for name, said in setups.items())
 
 
 def _setup(name: str, value: Any, source: str) -> DescribedSetup:
     key = f"setups.{name}"
-    said = table(value, types(DescribedSetup) | {"terms": dict}, source, key)
-    terms = {
-        term: typed(w, float, source, f"{key}.terms.{term}") for term, w in said.pop("terms", {}).items()
-    }
+    given = structure_given(DescribedSetup, value, source, PlanError, key, without=("name",))
     try:
-        check_choices(said)
-        return DescribedSetup(name=name, **said, terms=terms)
+        return DescribedSetup(name=name, **given)
     except PlanError as error:
         raise PlanError(f"{source}: {key}: {error}") from None
-
-
-def _toml(text: str, source: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise PlanError(f"{source} is not TOML: {error}") from None

@@ -1,64 +1,324 @@
-"""Plans as they come from TOML: values of the types they should have, or a word about which one is not.
+"""Typed data across the boundary: TOML and JSON become values of declared types, and values become text.
 
-Every function raises `PlanError` naming the source and the key.
+A dataclass is a table (an object in JSON). Kinds are strict: `true` and `"3"` are no numbers and `3.0` is no
+whole number, but a whole number is accepted where any number is. In JSON `NaN` is `null` and a complex number
+is a pair.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields
-from pathlib import Path
-from typing import Any
+import dataclasses
+import json
+import math
+import tomllib
+import types
+import typing
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any, TypeVar
 
-from coachable.foundation.errors import PlanError
+import tomli_w
+from cattrs import BaseValidationError, Converter
+from cattrs.cols import homogenous_tuple_structure_factory, mapping_structure_factory
+from cattrs.errors import AttributeValidationNote, IterableValidationNote
+from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, make_hetero_tuple_structure_fn
+
+from coachable.foundation.errors import CoachableError, Raises
 from coachable.foundation.suggestion import suggestion
 
+Value = TypeVar("Value")
+Derived = Mapping[type, tuple[str, ...]]
+"""For a dataclass, the properties that are written after its fields and ignored when it is read."""
 
-def text_of(path: Path) -> str:
-    """The text of a plan's file."""
+
+def parse_toml(text: str, source: str, error: Raises) -> dict[str, Any]:
+    """The tables of a TOML document.
+
+    **Arguments:** `source`, the document's name in messages; `error`, the class to raise.
+
+    **Raises:** `error` if the text is not TOML.
+    """
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else error
-        raise PlanError(f"{path} cannot be read: {why}") from None
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as failure:
+        raise error(f"{source} is not TOML: {failure}") from None
 
 
-def seeds(value: Any, source: str) -> dict[str, int]:
-    """The table `seeds`: `first` and `count`."""
-    return table(value, {"first": int, "count": int}, source, "seeds")
+def parse_json(text: str | bytes, source: str, error: Raises) -> dict[str, Any]:
+    """The object in a JSON document; bytes are UTF-8.
+
+    **Arguments:** as in `parse_toml`.
+
+    **Raises:** `error` if the text is not a JSON object.
+    """
+    try:
+        data = json.loads(text if isinstance(text, str) else text.decode())
+    except (ValueError, RecursionError) as failure:
+        raise error(f"{source} is damaged: {failure}") from None
+    if not isinstance(data, dict):
+        raise error(f"{source} is damaged: it holds no object")
+    return data
 
 
-def types(kind: type) -> dict[str, type]:
-    """The keys a table for this dataclass may have, with the type of each: that of its default."""
-    return {field.name: type(field.default) for field in fields(kind) if field.name != "name"}
+def toml_text(data: Mapping[str, Any]) -> str:
+    """Plain data as a TOML document; `parse_toml` of it gives equal data, with tuples as lists."""
+    return tomli_w.dumps(data)
 
 
-def table(value: Any, types: Mapping[str, type], source: str, key: str) -> dict[str, Any]:
-    """A table whose keys have these types."""
-    if not isinstance(value, Mapping):
-        raise PlanError(f"{source}: {key} must be a table of {', '.join(types)}, got {value!r}")
-    for name in value:
-        if name not in types:
-            raise PlanError(f"{source}: unknown key {f'{key}.{name}'!r}; {suggestion(name, types)}")
-    return {name: typed(item, types[name], source, f"{key}.{name}") for name, item in value.items()}
+def json_text(data: Any, indent: int | None = 2) -> str:
+    """Plain data as a JSON document without the last newline; a number that is not finite becomes `null`."""
+    return json.dumps(unstructure(data), indent=indent, ensure_ascii=False, allow_nan=False)
 
 
-def typed(value: Any, kind: type, source: str, key: str) -> Any:
-    """A value that is of this type; a whole number will do where any number does, a list for a tuple."""
-    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    if kind is tuple and isinstance(value, list | tuple):
-        return tuple(value)
-    if type(value) is kind:
-        return value
-    raise PlanError(f"{source}: {key} must be {_WORDS[kind]}, got {value!r}")
+def structure(
+    kind: type[Value] | Any,
+    data: Any,
+    source: str,
+    error: Raises,
+    key: str = "",
+    derived: Derived = types.MappingProxyType({}),
+) -> Value:
+    """A value of a declared type from plain data, as TOML or JSON give it.
+
+    `kind` is made of dataclasses, `bool`, `int`, `float`, `complex`, `str`, `Literal`, tuples, mappings from
+    `str`, unions and `Any`. A field with a default may be missing.
+
+    **Arguments:**
+
+    - `source`: the beginning of messages, such as the file's name.
+    - `error`: the class to raise.
+    - `key`: where in the source the data lies, such as `setups.mine`; empty for the whole.
+    - `derived`: as it was given to `unstructure`.
+
+    **Raises:** `error` naming the source and the key of a value of another kind, a missing key, or an unknown
+    one with the nearest that is known; and for a `CoachableError` that a constructor raises.
+    """
+    converter = _converter(tuple(derived.items()))
+    try:
+        return converter.structure(data, kind)
+    except (_Misfit, BaseValidationError, CoachableError) as failure:
+        where, reason = _innermost(failure, key)
+        if isinstance(reason, _Misfit):
+            raise error(f"{source}: {reason.at(where)}") from None
+        if isinstance(reason, CoachableError):
+            raise error(f"{source}: {where}{': ' if where else ''}{reason}") from None
+        raise
 
 
-_WORDS = {
-    bool: "true or false",
-    float: "a number",
-    int: "a whole number",
-    str: "text",
-    tuple: "a list",
-    dict: "a table",
-}
+def structure_given(
+    kind: type,
+    data: Any,
+    source: str,
+    error: Raises,
+    key: str = "",
+    without: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """The fields of a dataclass that a table gives, by name: for tables that are still to be merged.
+
+    **Arguments:** as in `structure`; `without`, fields that the table must not give.
+
+    **Raises:** as `structure`, but not for a missing key.
+    """
+    fields = [field.name for field in dataclasses.fields(kind) if field.name not in without]
+    if not isinstance(data, Mapping):
+        raise error(f"{source}: {_WrongKind('a table of ' + ', '.join(fields), data).at(key)}")
+    for name in data:
+        if name not in fields:
+            raise error(f"{source}: {_UnknownKey(name, fields).at(key)}")
+    hints = typing.get_type_hints(kind)
+    return {
+        name: structure(hints[name], value, source, error, _join(key, name)) for name, value in data.items()
+    }
+
+
+def unstructure(value: Any, derived: Derived = types.MappingProxyType({})) -> Any:
+    """The inverse of `structure`: a value as the plain data that JSON has."""
+    return _converter(tuple(derived.items())).unstructure(value)
+
+
+class _Misfit(Exception):
+    """Data that does not fit its declared type."""
+
+    def at(self, where: str) -> str:
+        """The message for data at this key."""
+        raise NotImplementedError
+
+
+class _WrongKind(_Misfit):
+    def __init__(self, expected: str, data: Any):
+        self.expected, self.data = expected, data
+
+    def at(self, where: str) -> str:
+        shown = repr(self.data)
+        shown = shown if len(shown) < 80 else f"{shown[:77]}…"
+        return f"{where or 'it'} must be {self.expected}, got {shown}"
+
+
+class _MissingKey(_Misfit):
+    def __init__(self, name: str):
+        self.name = name
+
+    def at(self, where: str) -> str:
+        return f"{where or 'it'} lacks {self.name!r}"
+
+
+class _UnknownKey(_Misfit):
+    def __init__(self, name: str, known: list[str]):
+        self.name, self.known = name, known
+
+    def at(self, where: str) -> str:
+        return f"unknown key {_join(where, str(self.name))!r}; {suggestion(str(self.name), self.known)}"
+
+
+def _innermost(failure: Exception, where: str) -> tuple[str, Exception]:
+    """The first of the failures in a group of groups, and the key at which it happened."""
+    while isinstance(failure, BaseValidationError):
+        failure = failure.exceptions[0]
+        for note in getattr(failure, "__notes__", ()):
+            if isinstance(note, AttributeValidationNote):
+                where = _join(where, note.name)
+            elif isinstance(note, IterableValidationNote):
+                index = note.index
+                where = f"{where}[{index}]" if isinstance(index, int) else _join(where, index)
+    return where, failure
+
+
+def _join(where: str, name: str) -> str:
+    return f"{where}.{name}" if where else name
+
+
+@cache
+def _converter(derived: tuple[tuple[type, tuple[str, ...]], ...]) -> Converter:
+    properties = dict(derived)
+    converter = Converter(detailed_validation=True, unstruct_collection_overrides={tuple: list})
+    for kind in (bool, int, str):
+        converter.register_structure_hook(kind, _same)
+    converter.register_structure_hook(float, _number)
+    converter.register_structure_hook(
+        complex, lambda data, _: complex(*converter.structure(data, tuple[float, float]))
+    )
+    converter.register_structure_hook_func(_is(typing.Literal), _choice)
+    converter.register_structure_hook_factory(_is(tuple), _tuple_reader)
+    converter.register_structure_hook_factory(_is(Mapping, dict), _mapping_reader)
+    converter.register_structure_hook_factory(_is(typing.Union, types.UnionType), _union_reader)
+
+    @converter.register_structure_hook_factory(_is_dataclass)
+    def dataclass_reader(kind: type, converter: Converter) -> Callable[[Any, Any], Any]:
+        return _dataclass_reader(kind, converter, properties.get(kind, ()))
+
+    @converter.register_unstructure_hook_factory(_is_dataclass)
+    def dataclass_writer(kind: type, converter: Converter) -> Callable[[Any], dict[str, Any]]:
+        fields = make_dict_unstructure_fn(kind, converter)
+        names = properties.get(kind, ())
+        return lambda value: fields(value) | {n: converter.unstructure(getattr(value, n)) for n in names}
+
+    converter.register_unstructure_hook(float, lambda value: value if math.isfinite(value) else None)
+    converter.register_unstructure_hook(complex, lambda value: [value.real, value.imag])
+    return converter
+
+
+_WORDS = {bool: "true or false", float: "a number", int: "a whole number", str: "text"}
+
+
+def _is(*origins: Any) -> Callable[[Any], bool]:
+    return lambda kind: typing.get_origin(kind) in origins
+
+
+def _is_dataclass(kind: Any) -> bool:
+    return isinstance(kind, type) and dataclasses.is_dataclass(kind)
+
+
+def _same(data: Any, kind: type) -> Any:
+    if type(data) is not kind:
+        raise _WrongKind(_WORDS[kind], data)
+    return data
+
+
+def _number(data: Any, kind: type) -> float:
+    if data is None:
+        return math.nan
+    if type(data) not in (int, float):
+        raise _WrongKind(_WORDS[kind], data)
+    return float(data)
+
+
+def _choice(data: Any, kind: Any) -> Any:
+    choices = typing.get_args(kind)
+    if not any(type(data) is type(choice) and data == choice for choice in choices):
+        raise _WrongKind(f"one of {', '.join(map(repr, choices))}", data)
+    return data
+
+
+def _table(data: Any) -> Mapping:
+    if not isinstance(data, Mapping):
+        raise _WrongKind("a table", data)
+    return data
+
+
+def _mapping_reader(kind: Any, converter: Converter) -> Callable[[Any, Any], Any]:
+    inner = mapping_structure_factory(kind, converter)
+    return lambda data, _: inner(_table(data), kind)
+
+
+def _tuple_reader(kind: Any, converter: Converter) -> Callable[[Any, Any], Any]:
+    members = typing.get_args(kind)
+    any_length = members[1:] == (...,)
+    if any_length:
+        expected, inner = "a list", homogenous_tuple_structure_factory(kind, converter)
+    else:
+        expected, inner = f"a list of {len(members)}", make_hetero_tuple_structure_fn(kind, converter)
+
+    def read(data: Any, _: Any) -> Any:
+        if not isinstance(data, list | tuple) or not (any_length or len(data) == len(members)):
+            raise _WrongKind(expected, data)
+        return inner(data, kind)
+
+    return read
+
+
+def _union_reader(kind: Any, converter: Converter) -> Callable[[Any, Any], Any]:
+    members = [member for member in typing.get_args(kind) if member is not type(None)]
+    optional = len(members) < len(typing.get_args(kind))
+    hooks = [(member, converter.get_structure_hook(member)) for member in members]
+
+    def read(data: Any, _: Any) -> Any:
+        if optional and data is None:
+            return None
+        failures = []
+        for member, hook in hooks:
+            try:
+                return hook(data, member)
+            except (_Misfit, BaseValidationError) as failure:
+                failures.append(failure)
+        # What is wrong inside a member of the right kind explains more than that the others do not fit.
+        for failure in failures:
+            if not isinstance(failure, _WrongKind):
+                raise failure
+        expected = dict.fromkeys(failure.expected for failure in failures)
+        if _WORDS[float] in expected:
+            expected.pop(_WORDS[int], None)
+        raise _WrongKind(" or ".join(expected), data)
+
+    return read
+
+
+def _dataclass_reader(
+    kind: type, converter: Converter, ignored: tuple[str, ...]
+) -> Callable[[Any, Any], Any]:
+    inner = make_dict_structure_fn(kind, converter)
+    fields = [field for field in dataclasses.fields(kind) if field.init]
+    names = [field.name for field in fields]
+    missing = dataclasses.MISSING
+    required = [f.name for f in fields if f.default is missing and f.default_factory is missing]
+
+    def read(data: Any, _: Any) -> Any:
+        table = {name: value for name, value in _table(data).items() if name not in ignored}
+        for name in table:
+            if name not in names:
+                raise _UnknownKey(name, names)
+        for name in required:
+            if name not in table:
+                raise _MissingKey(name)
+        return inner(table, kind)
+
+    return read

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
@@ -19,8 +18,9 @@ from coachable.behaviours.text.parser import parse
 from coachable.experiments.plan import Lane, Study, parse_plan
 from coachable.experiments.run_folder.schemas import FORMAT_VERSION, GAITS, SCHEMAS, TRAINING_SCHEMAS
 from coachable.experiments.training import Training, parse_training
+from coachable.foundation.data import parse_json, structure
 from coachable.foundation.errors import BehaviourError, PlanError, RunFolderError
-from coachable.foundation.files import read_bytes
+from coachable.foundation.files import read_bytes, read_text
 from coachable.foundation.suggestion import suggestion
 from coachable.foundation.tables import table_from
 
@@ -31,17 +31,30 @@ Which = Literal["last", "best"]
 BASELINE = "virtual-gravity"
 """The lane under which the baseline's trajectory is kept."""
 
-_FOR_ALL: dict[str, type] = {
-    "status": str,
-    "versions": dict,
-    "platform": dict,
-    "device_layout": dict,
-    "resumed_under": list,
-    "reward_hashes": dict,
-    "files": dict,
-}
-_MANIFEST_KEYS = {"study": _FOR_ALL | {"baseline": dict}, "training": _FOR_ALL | {"env": str}}
 Plan = TypeVar("Plan", "Study", "Training")
+
+
+@dataclass(frozen=True)
+class _Manifest:
+    """What the manifest of every run has."""
+
+    status: str
+    versions: Mapping[str, Any]
+    platform: Mapping[str, Any]
+    device_layout: Mapping[str, Any]
+    resumed_under: tuple[Any, ...]
+    reward_hashes: Mapping[str, Any]
+    files: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class _StudyManifest(_Manifest):
+    baseline: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class _TrainingManifest(_Manifest):
+    env: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,13 +197,9 @@ class RunFiles:
                 "Use the version of coachable that wrote it"
             )
         files = RunFiles(path, manifest)
-        for key, kind in _MANIFEST_KEYS[files.kind].items():
-            if key not in manifest:
-                raise RunFolderError(f"{path / 'manifest.json'} is damaged: it lacks {key!r}")
-            if not isinstance(manifest[key], kind):
-                raise RunFolderError(
-                    f"{path / 'manifest.json'} is damaged: {key!r} cannot be {manifest[key]!r}"
-                )
+        kind = _TrainingManifest if files.kind == "training" else _StudyManifest
+        known = {field.name: manifest[field.name] for field in fields(kind) if field.name in manifest}
+        structure(kind, known, f"{path / 'manifest.json'} is damaged", RunFolderError)
         return files
 
     @property
@@ -202,7 +211,7 @@ class RunFiles:
         """The resolved plan."""
         path = self.path / "plan.toml"
         try:
-            return parse(_text(path, self._hash(path)), str(path))
+            return parse(read_text(path, self._hash(path)), str(path))
         except PlanError as error:
             raise RunFolderError(f"{path} is damaged: {error}") from None
 
@@ -210,7 +219,7 @@ class RunFiles:
         """The described behaviour."""
         path = self.path / "behaviour.behaviour"
         try:
-            return parse(_text(path, self._hash(path)))
+            return parse(read_text(path, self._hash(path)))
         except BehaviourError as error:
             raise RunFolderError(f"{path} is damaged: {error}") from None
 
@@ -267,18 +276,5 @@ def _columns(table: pa.Table) -> dict[str, np.ndarray]:
     }
 
 
-def _text(path: Path, sha256: str | None = None) -> str:
-    try:
-        return read_bytes(path, sha256).decode()
-    except UnicodeDecodeError:
-        raise RunFolderError(f"{path} is damaged: it is not text") from None
-
-
 def _json(path: Path, sha256: str | None = None) -> dict[str, Any]:
-    try:
-        data = json.loads(_text(path, sha256))
-    except json.JSONDecodeError as error:
-        raise RunFolderError(f"{path} is damaged: {error}") from None
-    if not isinstance(data, dict):
-        raise RunFolderError(f"{path} is damaged: it holds no object")
-    return data
+    return parse_json(read_bytes(path, sha256), str(path), RunFolderError)
