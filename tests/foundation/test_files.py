@@ -1,27 +1,15 @@
-"""Files are written whole or not at all, damage is named, and a folder has one writer."""
+"""Files are written whole or not at all, and damage is named."""
 
 import errno
 import os
-import subprocess
-import sys
 
-import jax
-import jax.numpy as jnp
-import numpy as np
 import pytest
 
-from coachable.experiments.run_folder.checkpoint import arrays_of, load_arrays, save_arrays, tree_from
-from coachable.experiments.run_folder.lock import locked
 from coachable.experiments.run_folder.schemas import SCHEMAS
-from coachable.foundation.errors import RunFolderError
-from coachable.foundation.files import hash_of, read_bytes, write_atomic
+from coachable.foundation.errors import PlanError, RunFolderError
+from coachable.foundation.files import hash_of, read_bytes, read_text, write_atomic
 from coachable.foundation.tables import table_bytes, table_from, table_of
 
-TREE = {
-    "weights": (jnp.arange(6.0).reshape(2, 3), jnp.float32(2.0)),
-    "count": jnp.int32(3),
-    "key": jnp.uint32([1, 2]),
-}
 SURVIVAL = {"lane": ["orthant-3", "sparse-0"], "seconds_up": [100.0, 3.25], "perturbed_up": [1.0, 0.5]}
 
 
@@ -62,6 +50,17 @@ def test_a_missing_and_a_changed_file_are_named(tmp_path):
         read_bytes(path, hash_of(b"two"))
 
 
+def test_text_is_read_as_utf_8_and_the_caller_chooses_the_error(tmp_path):
+    path = tmp_path / "plan.toml"
+    write_atomic(path, "θ")
+    assert read_text(path, hash_of("θ".encode())) == "θ"
+    path.write_bytes(b"\xff")
+    with pytest.raises(PlanError, match=r"plan\.toml is damaged: it is not text in UTF-8"):
+        read_text(path, error=PlanError)
+    with pytest.raises(PlanError, match="cannot be read"):
+        read_text(tmp_path, error=PlanError)
+
+
 def test_a_table_comes_back_with_its_types_and_units(tmp_path):
     path, schema = tmp_path / "survival.parquet", SCHEMAS["survival"]
     data = table_bytes(table_of(SCHEMAS["survival"], SURVIVAL))
@@ -73,51 +72,3 @@ def test_a_table_comes_back_with_its_types_and_units(tmp_path):
         table_from(data[: len(data) // 2], path, schema)
     with pytest.raises(RunFolderError, match=r"survival\.parquet lacks the column 'step'"):
         table_from(data, path, SCHEMAS["evaluations"])
-
-
-def test_a_tree_goes_through_a_checkpoint_to_the_bit(tmp_path):
-    path = tmp_path / "group-000.safetensors"
-    save_arrays(path, arrays_of(TREE, "state"), {"updates": 7})
-    arrays, about = load_arrays(path)
-    again = tree_from(TREE, arrays, "state")
-    assert about == {"updates": 7}
-    jax.tree.map(np.testing.assert_array_equal, again, TREE)
-
-
-@pytest.mark.parametrize("where", [10, 200, -5])
-def test_one_changed_byte_anywhere_in_a_checkpoint_is_noticed(tmp_path, where):
-    path = tmp_path / "group-000.safetensors"
-    save_arrays(path, arrays_of(TREE, "state"), {"updates": 7})
-    data = bytearray(path.read_bytes())
-    data[where] ^= 1
-    path.write_bytes(data)
-    with pytest.raises(RunFolderError, match=r"group-000\.safetensors is damaged"):
-        load_arrays(path)
-
-
-def test_a_tree_of_another_shape_is_refused():
-    arrays = arrays_of(TREE, "state")
-    with pytest.raises(KeyError, match="weights"):
-        tree_from(TREE | {"weights": (jnp.zeros((3, 2)), jnp.float32(0))}, arrays, "state")
-
-
-def test_two_writers_cannot_hold_one_folder(tmp_path):
-    with locked(tmp_path):
-        with pytest.raises(RunFolderError, match=f"process {os.getpid()}"), locked(tmp_path):
-            pass
-        assert (tmp_path / "lock").exists()
-    assert not (tmp_path / "lock").exists()
-    with locked(tmp_path):
-        pass
-
-
-def test_a_lock_dies_with_its_holder(tmp_path):
-    program = (
-        "import os, sys, pathlib\nfrom coachable.experiments.run_folder.lock import locked\n"
-        "with locked(pathlib.Path(sys.argv[1])):\n    os.kill(os.getpid(), 9)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", program, str(tmp_path)], check=False)
-    assert done.returncode == -9
-    assert (tmp_path / "lock").exists()
-    with locked(tmp_path):
-        assert (tmp_path / "lock").read_text() == f"{os.getpid()}\n"
