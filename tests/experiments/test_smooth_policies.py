@@ -7,7 +7,8 @@ import pytest
 
 from coachable.behaviours import load_behaviour
 from coachable.envs.walking_task import ACTION_BOX
-from coachable.experiments import programs, survival
+from coachable.experiments import survival
+from coachable.experiments.compiled import Tasks, compile_programs
 from coachable.experiments.lane_batch import Group
 from coachable.experiments.plan import load_plan, parse_plan
 
@@ -23,8 +24,8 @@ def group(small_plan, tmp_path_factory):
     study = parse_plan(text, "small.toml", setups=["sparse"], seeds=1, steps=128, evaluate_every=100)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(survival, "NUM_STARTS", 4)
-        tasks = programs.Tasks.of(study, load_behaviour(study.behaviour))
-    compiled = programs.compile_programs(study, tasks, {1}, 1)[1]
+        tasks = Tasks.of(study, load_behaviour(study.behaviour))
+    compiled = compile_programs(study, tasks, {1}, 1)[1]
     group = Group(study, study.lanes, tasks, compiled, tmp_path_factory.mktemp("tanh") / "group.safetensors")
     while not group.done:
         group.take_turn()
