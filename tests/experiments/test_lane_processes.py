@@ -1,11 +1,14 @@
-"""Lanes in processes: all are run, progress is received, and a failure stops everything in good order."""
+"""Lanes in processes: all are run, progress are received, and whatever goes wrong stops everything in good order."""
 
 import errno
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import time
 from dataclasses import dataclass
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import pytest
@@ -112,6 +115,43 @@ def test_processes_that_are_just_beginning_leave_ctrl_c_to_the_one_that_started_
     assert len(hit) == 2
     assert [work.path.read_text() for work in works] == ["10", "10"]
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+@pytest.mark.parametrize("masks", [True, False])
+def test_a_ctrl_c_while_a_process_is_starting_waits_until_that_can_be_stopped(tmp_path, monkeypatch, masks):
+    if not masks:  # as on Windows
+        monkeypatch.delattr(signal, "pthread_sigmask")
+    start, started = SpawnProcess.start, []
+
+    def interrupted(process):
+        os.kill(os.getpid(), signal.SIGINT)
+        start(process)
+        started.append(process)
+
+    monkeypatch.setattr(SpawnProcess, "start", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_lanes([Count(tmp_path / "0", "waits")], 1, lambda index, progress: None, nothing)
+    assert len(started) == 1
+    assert not started[0].is_alive()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_lane_saves_and_ends_when_its_parent_is_killed(tmp_path):
+    program = (
+        "import os, pathlib, sys\n"
+        "from coachable.experiments.lane_processes import run_lanes\n"
+        "from tests.experiments.test_lane_processes import Count, nothing\n"
+        "work = Count(pathlib.Path(sys.argv[1]), 'waits')\n"
+        "run_lanes([work], 1, lambda index, progress: os.kill(os.getpid(), 9), nothing)\n"
+    )
+    command = [sys.executable, "-c", program, str(tmp_path / "0")]
+    done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=60)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    for _ in range(600):
+        if (tmp_path / "0").exists():
+            break
+        time.sleep(0.05)
+    assert int((tmp_path / "0").read_text()) < 10
 
 
 def test_a_lane_that_is_done_is_received_of_without_a_process(tmp_path):

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import pytest
 
 from coachable.foundation.errors import CoachableError, ParameterError
-from coachable.plants import STATE_NAMES, CompassParameters, CompassWalker, Outcome
+from coachable.plants import STATE_NAMES, CompassParameters, CompassWalker
 
 
 @pytest.mark.parametrize("name", [field.name for field in fields(CompassParameters)])
@@ -32,9 +32,3 @@ def test_signals_come_by_name_in_the_order_asked_for():
     assert walker.signals(x, ("dtheta_2", "theta_1")).tolist() == [4, 1]
     with pytest.raises(ParameterError, match=r"'knee'.*theta_1"):
         walker.signals(x, ("theta_1", "knee"))
-
-
-def test_every_outcome_says_what_happened():
-    sentences = {outcome.sentence for outcome in Outcome}
-    assert len(sentences) == len(Outcome)
-    assert [outcome.value for outcome in Outcome] == [0, 1, 2, 3]

@@ -24,11 +24,6 @@ class Box:
     width: float
     height: float
 
-    def contains(self, point: Point, margin: float = 0.0) -> bool:
-        """Whether a point is in the box or at most the margin away from it."""
-        across, along = abs(point[0] - self.x), abs(point[1] - self.y)
-        return across <= self.width / 2 + margin and along <= self.height / 2 + margin
-
     def overlaps(self, other: Box, gap: Point = (0.0, 0.0)) -> bool:
         """Whether two boxes are less than a gap (across, along) apart."""
         across = abs(self.x - other.x) - (self.width + other.width) / 2

@@ -19,6 +19,7 @@ from coachable.experiments.trainers.stable_baselines3 import Algorithm, StableBa
 from coachable.experiments.trainers.trainer import Trainer
 from coachable.foundation.data import parse_toml, structure_given
 from coachable.foundation.errors import CoachableError, ParameterError, PlanError
+from coachable.foundation.files import read_text
 from coachable.foundation.suggestion import suggestion
 from coachable.learning.config import PPOConfig
 from coachable.plants.compass import CompassParameters
@@ -116,7 +117,7 @@ def load_plan(name_or_path: str | Path | None, **options: Any) -> Experiment:
         return resolve(_options(options))
     if Path(name_or_path).is_file():
         path = Path(name_or_path)
-        return parse_plan(_text(path), str(path), path.parent, **options)
+        return parse_plan(read_text(path, error=PlanError), str(path), path.parent, **options)
     if (name := str(name_or_path)) in shipped_plans():
         text = (_SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
         return parse_plan(text, f"plan {name!r}", **options)
@@ -319,7 +320,7 @@ def trainer_settings(name_or_path: str) -> dict[str, Any]:
     """
     path = Path(name_or_path)
     if path.is_file():
-        return parse_toml(_text(path), str(path), PlanError)
+        return parse_toml(read_text(path, error=PlanError), str(path), PlanError)
     if name_or_path in shipped_settings():
         file = _SHIPPED_SETTINGS / f"{name_or_path}.toml"
         return parse_toml(file.read_text(encoding="utf-8"), f"settings {name_or_path!r}", PlanError)
@@ -340,14 +341,6 @@ def _options(options: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
 def _plain(data: Mapping[str, Any]) -> dict[str, Any]:
     """The keys of a plan among those of a layer: options may also weight setups."""
     return {key: value for key, value in data.items() if key != "weight"}
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise PlanError(f"{path} cannot be read: {reason}") from None
 
 
 def _names(folder: Any) -> list[str]:

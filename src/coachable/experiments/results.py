@@ -15,9 +15,10 @@ from coachable.envs.rollout import Trajectory, rollout, summary
 from coachable.envs.walking_task import NO_BOX
 from coachable.experiments.experiment import Experiment
 from coachable.experiments.run_folder.reader import BASELINE
-from coachable.experiments.run_folder.schemas import schemas, table_of
+from coachable.experiments.run_folder.schemas import schemas
 from coachable.experiments.run_folder.writer import RunFolder
 from coachable.experiments.trainers.trainer import TrainedLanes
+from coachable.foundation.tables import table_of
 from coachable.plants.compass import STATE_NAMES
 from coachable.plants.controllers import VirtualGravity
 from coachable.rewards.setup import TERM_NAMES

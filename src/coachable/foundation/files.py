@@ -1,4 +1,4 @@
-"""Files written so that nobody ever sees half of one, and read with a clear word when something is wrong."""
+"""Files that are written whole or not at all, and read with an error that names the file."""
 
 from __future__ import annotations
 
@@ -7,10 +7,7 @@ import hashlib
 import os
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
-from coachable.foundation.errors import RunFolderError
+from coachable.foundation.errors import Raises, RunFolderError
 
 
 def write_atomic(path: Path, data: bytes | str) -> None:
@@ -39,49 +36,35 @@ def replace_text(path: Path, text: str) -> None:
     path.chmod(mode)
 
 
-def read_bytes(path: Path, sha256: str | None = None) -> bytes:
-    """A file's content.
+def read_bytes(path: Path, sha256: str | None = None, error: Raises = RunFolderError) -> bytes:
+    """The content of a file.
 
-    **Raises:** `RunFolderError` if it cannot be read, or is not what `sha256` (hexadecimal) says it was when
-    written.
+    **Arguments:** `sha256`, the hash in hexadecimal that the content must have; `error`, the class to raise.
+
+    **Raises:** `error` naming a file that cannot be read or has another hash.
     """
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        raise RunFolderError(f"{path} is missing") from None
-    except OSError as error:
-        raise RunFolderError(f"{path} cannot be read: {error.strerror}") from None
+        raise error(f"{path} is missing") from None
+    except OSError as failure:
+        raise error(f"{path} cannot be read: {failure.strerror}") from None
     if sha256 is not None and hash_of(data) != sha256:
-        raise RunFolderError(
-            f"{path} is damaged: it is not what was written there; restore it, or run the study anew"
-        )
+        raise error(f"{path} is damaged: it is not what was written there; restore it, or run the study anew")
     return data
+
+
+def read_text(path: Path, sha256: str | None = None, error: Raises = RunFolderError) -> str:
+    """The content of a text file in UTF-8, with the arguments and errors of `read_bytes`."""
+    try:
+        return read_bytes(path, sha256, error).decode()
+    except UnicodeDecodeError:
+        raise error(f"{path} is damaged: it is not text in UTF-8") from None
 
 
 def hash_of(data: bytes) -> str:
     """SHA-256 in hexadecimal."""
     return hashlib.sha256(data).hexdigest()
-
-
-def table_bytes(table: pa.Table) -> bytes:
-    """The table as a Parquet file; equal tables are equal bytes."""
-    sink = pa.BufferOutputStream()
-    pq.write_table(table, sink, compression="zstd")
-    return sink.getvalue().to_pybytes()
-
-
-def table_from(data: bytes, path: Path, schema: pa.Schema) -> pa.Table:
-    """The table in a Parquet file's content.
-
-    **Raises:** `RunFolderError` naming `path` if it is not one, or lacks columns of the schema.
-    """
-    try:
-        table = pq.read_table(pa.BufferReader(data))
-    except (pa.ArrowException, OSError) as error:
-        raise RunFolderError(f"{path} is damaged: {error}") from None
-    if missing := [name for name in schema.names if name not in table.column_names]:
-        raise RunFolderError(f"{path} lacks the column {missing[0]!r}")
-    return table
 
 
 def _flush_folder(folder: Path) -> None:

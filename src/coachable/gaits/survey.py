@@ -15,9 +15,10 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.experiments.experiment import Which
 from coachable.experiments.recorded_episodes import RecordedWalk, recorded_walk
 from coachable.experiments.run_folder.reader import Run
-from coachable.experiments.run_folder.schemas import GAITS, table_of
+from coachable.experiments.run_folder.schemas import GAITS
 from coachable.foundation.errors import ParameterError
-from coachable.foundation.files import table_bytes, write_atomic
+from coachable.foundation.files import write_atomic
+from coachable.foundation.tables import table_bytes, table_of
 from coachable.gaits.measures import CONTACT, feet, gait, measures
 
 

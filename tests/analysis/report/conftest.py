@@ -16,8 +16,9 @@ from coachable.behaviours.library import load_behaviour
 from coachable.envs.baselines import baseline
 from coachable.experiments.plan import load_plan
 from coachable.experiments.run_folder.reader import BASELINE
-from coachable.experiments.run_folder.schemas import schemas, table_of
+from coachable.experiments.run_folder.schemas import schemas
 from coachable.experiments.run_folder.writer import RunFolder
+from coachable.foundation.tables import table_of
 from coachable.rewards.setup import TERM_NAMES
 
 SETUPS = ("sparse", "forward", "orthant", "forward+orthant")

@@ -87,7 +87,8 @@ def test_a_changed_number_with_a_new_hash_is_another_claim(written):
     ("text", "says"),
     [
         ("{", "damaged"),
-        ("[]", "not a certificate"),
+        ("[]", "damaged: it holds no object"),
+        ("{}", "not a certificate"),
         ('{"format": "coachable certificate", "format_version": 9}', "format_version 9"),
         ('{"format": "coachable certificate", "format_version": 1}', "lacks 'about'"),
     ],

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from filelock import FileLock, Timeout
+
 from coachable.foundation.errors import RunFolderError
+
+_PATIENCE = 0.1
+"""Seconds for another try where the file was opened just before its holder removed it."""
 
 
 @contextlib.contextmanager
@@ -21,30 +25,39 @@ def locked(folder: Path) -> Iterator[None]:
     **Raises:** `RunFolderError` naming the process that writes there.
     """
     path = folder / "lock"
-    with _open_locked(path) as file:
-        file.truncate(0)
-        file.write(f"{os.getpid()}\n")
-        file.flush()
-        try:
-            yield
-        finally:
-            path.unlink(missing_ok=True)
+    # With `on_acquired` it is a lock of the operating system everywhere: filelock's other kind, the existence
+    # of a file, would outlive a process that is killed.
+    lock = FileLock(path, timeout=_PATIENCE, poll_interval=_PATIENCE / 4, on_acquired=_write_holder)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise RunFolderError(
+            f"{folder} is being written by process {_holder(path)}; wait for it, "
+            "or name another folder with --out"
+        ) from None
+    try:
+        yield
+    finally:
+        # While the lock is held: whoever waits with the removed file open finds that it has no name any more.
+        # Windows does not remove open files; there, filelock removes it after the release.
+        with contextlib.suppress(OSError):
+            path.unlink()
+        lock.release()
 
 
-def _open_locked(path: Path):
-    while True:
-        file = path.open("a+", encoding="ascii")
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            file.seek(0)
-            holder = file.read().strip() or "unknown"
-            file.close()
-            raise RunFolderError(
-                f"{path.parent} is being written by process {holder}; wait for it, "
-                "or name another folder with --out"
-            ) from None
-        # Between opening and locking, its holder may have removed the file: then this lock is on nothing.
-        if path.exists() and os.fstat(file.fileno()).st_ino == path.stat().st_ino:
-            return file
-        file.close()
+# Windows locks the first byte against reading as well, so the number begins at the second. It has a fixed
+# width since a file that was left behind is written over, not cut off.
+
+
+def _write_holder(descriptor: int) -> None:
+    os.lseek(descriptor, 0, os.SEEK_SET)
+    os.write(descriptor, f" {os.getpid():<11}\n".encode())
+
+
+def _holder(path: Path) -> str:
+    try:
+        with path.open("rb", buffering=0) as file:
+            file.seek(1)
+            return file.read(11).decode().strip() or "unknown"
+    except (OSError, UnicodeDecodeError):
+        return "unknown"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +18,11 @@ from coachable.behaviours.text.parser import parse
 from coachable.experiments.experiment import Experiment, Lane, Which
 from coachable.experiments.plan import parse_plan
 from coachable.experiments.run_folder.schemas import GAITS, READABLE, schemas
+from coachable.foundation.data import parse_json, structure
 from coachable.foundation.errors import BehaviourError, PlanError, RunFolderError
-from coachable.foundation.files import read_bytes, table_from
+from coachable.foundation.files import read_bytes, read_text
 from coachable.foundation.suggestion import suggestion
+from coachable.foundation.tables import table_from
 
 if TYPE_CHECKING:
     from coachable.learning.policy import Policy
@@ -29,15 +30,19 @@ if TYPE_CHECKING:
 BASELINE = "virtual-gravity"
 """The lane under which the baseline's trajectory is kept."""
 
-_MANIFEST: Mapping[str, type] = {
-    "status": str,
-    "versions": dict,
-    "platform": dict,
-    "device_layout": dict,
-    "resumed_under": list,
-    "reward_hashes": dict,
-    "files": dict,
-}
+
+@dataclass(frozen=True)
+class _Manifest:
+    """What the manifest of every run has."""
+
+    status: str
+    versions: Mapping[str, Any]
+    platform: Mapping[str, Any]
+    device_layout: Mapping[str, Any]
+    resumed_under: tuple[Any, ...]
+    reward_hashes: Mapping[str, Any]
+    files: Mapping[str, str]
+    baseline: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,14 +66,14 @@ class Run:
             raise RunFolderError(f"{path} is not a run folder: it has no manifest.json")
         manifest = _manifest(path / "manifest.json")
         hashes = manifest["files"]
-        text = _text(path / "behaviour.behaviour", hashes.get("behaviour.behaviour"))
+        text = read_text(path / "behaviour.behaviour", hashes.get("behaviour.behaviour"))
         try:
             behaviour = parse(text)
         except BehaviourError as error:
             raise RunFolderError(f"{path / 'behaviour.behaviour'} is damaged: {error}") from None
         plan = path / "plan.toml"
         try:
-            experiment = parse_plan(_text(plan, hashes.get("plan.toml")), str(plan), described=behaviour)
+            experiment = parse_plan(read_text(plan, hashes.get("plan.toml")), str(plan), described=behaviour)
         except PlanError as error:
             raise RunFolderError(f"{plan} is damaged: {error}") from None
         return Run(path, experiment, manifest)
@@ -113,7 +118,8 @@ class Run:
         stem = f"policies/{self.lane(setup, seed).name}-{which}"
         weights = self.path / f"{stem}.safetensors"
         try:
-            description = _object(self._read(f"{stem}.json"), self.path / f"{stem}.json")
+            described = self.path / f"{stem}.json"
+            description = parse_json(self._read(f"{stem}.json"), str(described), RunFolderError)
             return Policy.of(load(self._read(f"{stem}.safetensors")), description)
         except (SafetensorError, RunFolderError) as error:
             if isinstance(error, RunFolderError) and str(self.path) in str(error):
@@ -180,20 +186,15 @@ def open_run(path: str | Path) -> Run:
 
 
 def _manifest(path: Path) -> dict[str, Any]:
-    manifest = _object(read_bytes(path), path)
+    manifest = parse_json(read_bytes(path), str(path), RunFolderError)
     version = manifest.get("format_version")
     if version not in READABLE:
         raise RunFolderError(
             f"{path.parent} has format_version {version!r}; this coachable reads "
             f"{' and '.join(map(str, READABLE))}. Use the version of coachable that wrote it"
         )
-    for key, kind in _MANIFEST.items():
-        if key not in manifest:
-            raise RunFolderError(f"{path} is damaged: it lacks {key!r}")
-        if not isinstance(manifest[key], kind):
-            raise RunFolderError(f"{path} is damaged: {key!r} cannot be {manifest[key]!r}")
-    if not isinstance(manifest.get("baseline"), dict | None):
-        raise RunFolderError(f"{path} is damaged: 'baseline' cannot be {manifest['baseline']!r}")
+    known = {field.name: manifest[field.name] for field in fields(_Manifest) if field.name in manifest}
+    structure(_Manifest, known, f"{path} is damaged", RunFolderError)
     return manifest
 
 
@@ -202,20 +203,3 @@ def _columns(table: pa.Table) -> dict[str, np.ndarray]:
     return {
         name: column.astype(str) if column.dtype == object else column for name, column in columns.items()
     }
-
-
-def _text(path: Path, sha256: str | None = None) -> str:
-    try:
-        return read_bytes(path, sha256).decode()
-    except UnicodeDecodeError:
-        raise RunFolderError(f"{path} is damaged: it is not text") from None
-
-
-def _object(content: bytes, path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(content.decode())
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise RunFolderError(f"{path} is damaged: {error}") from None
-    if not isinstance(data, dict):
-        raise RunFolderError(f"{path} is damaged: it holds no object")
-    return data

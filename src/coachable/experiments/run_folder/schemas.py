@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-import numpy as np
 import pyarrow as pa
 
 from coachable.envs.problem import PlantProblem, Problem
@@ -126,8 +125,3 @@ def schemas(problem: Problem) -> Mapping[str, pa.Schema]:
       `x_position` in the infos moved, NaN where there is none.
     """
     return _OF_PLANT if isinstance(problem, PlantProblem) else _OF_ENVIRONMENT
-
-
-def table_of(schema: pa.Schema, columns: Mapping[str, np.ndarray | list]) -> pa.Table:
-    """A table from its columns, in the schema's order."""
-    return pa.table([pa.array(columns[field.name], field.type) for field in schema], schema=schema)

@@ -19,7 +19,8 @@ from coachable.experiments.run_folder.provenance import environment, environment
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.run_folder.schemas import FORMAT_VERSION
 from coachable.foundation.errors import RunFolderError
-from coachable.foundation.files import hash_of, read_bytes, table_bytes, write_atomic
+from coachable.foundation.files import hash_of, read_bytes, write_atomic
+from coachable.foundation.tables import table_bytes
 
 _FIRST_FILES = ("plan.toml", "behaviour.behaviour", "automaton.svg")
 

@@ -11,7 +11,7 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -66,14 +66,15 @@ def run_lanes(
     """Run every work in a process of its own, `num_workers` at once, and `receive` their progress.
 
     `receive` is called with the index of a work and its progress, `watch` at least every `every` seconds. An
-    exception in a work, in `receive` or in `watch` (Ctrl-C arrives there) stops all processes, which save
-    what they have, and is raised.
+    exception in a work, in `receive` or in `watch` (Ctrl-C arrives there) stops all processes, which save what
+    they have, and is raised.
 
     **Raises:** what a work raised that is a user's mistake, or an `OSError`; `RunFolderError` for a process
     that was killed; `RuntimeError` with the other process's traceback for anything else.
     """
     waiting = deque(enumerate(works))
     running: dict[Connection, tuple[int, BaseProcess]] = {}
+    ready: set[Connection] = set()
     context = multiprocessing.get_context("spawn")
     try:
         while waiting or running:
@@ -82,9 +83,9 @@ def run_lanes(
                 if (last := work.finished()) is not None:
                     receive(index, last)
                     continue
-                ours, theirs = context.Pipe(duplex=False)
-                process = context.Process(target=_work, args=(work, theirs, os.getpid()), daemon=True)
-                with _ctrl_c_blocked():  # it comes when the process can be stopped
+                ours, theirs = context.Pipe()
+                process = context.Process(target=_work, args=(work, theirs), daemon=True)
+                with _ctrl_c_deferred():  # until the process can be stopped
                     process.start()
                     running[ours] = (index, process)
                 theirs.close()
@@ -94,24 +95,56 @@ def run_lanes(
                 index, process = running[channel]
                 try:
                     received = channel.recv()
-                except EOFError:
+                except (EOFError, OSError):
                     process.join()
                     del running[channel]
                     _require_success(works[index], process.exitcode)
                 else:
                     if isinstance(received, BaseException):
                         raise received
-                    receive(index, received)
+                    if received is None:
+                        ready.add(channel)
+                    else:
+                        receive(index, received)
     finally:
-        for _, process in running.values():
-            process.terminate()
+        for channel, (_, process) in running.items():
+            if channel in ready:
+                with suppress(OSError):  # it may have ended by itself
+                    channel.send(None)
+            else:
+                process.terminate()  # it has nothing to save
         for _, process in running.values():
             process.join()
 
 
 @contextmanager
+def _ctrl_c_deferred() -> Iterator[None]:
+    """Ctrl-C arrives after the block; processes that are started in it do not get it, where that can be."""
+    if threading.current_thread() is not threading.main_thread():  # Python handles signals in no other
+        with _ctrl_c_blocked():
+            yield
+        return
+    arrived = []
+    handler = signal.signal(signal.SIGINT, lambda *arguments: arrived.append(arguments))
+    try:
+        with _ctrl_c_blocked():
+            yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    if arrived and callable(handler):
+        handler(*arrived[0])
+
+
+@contextmanager
 def _ctrl_c_blocked() -> Iterator[None]:
-    """Processes that are started in here do not hear Ctrl-C, not even before `_work` begins."""
+    """Processes that are started in the block do not get Ctrl-C, for they inherit what this thread blocks.
+
+    Other threads of this process still get it. Windows has no such masks: there, processes that are starting
+    end with Ctrl-C, which then reaches this one too.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
     resource_tracker.ensure_running()  # it would unblock the signal when a process is what starts it
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -128,8 +161,8 @@ def _require_success(work: LaneWork, exitcode: int | None) -> None:
         )
 
 
-def _work(work: LaneWork, channel: Connection, parent: int) -> None:
-    """What a process does. It stops at its next report if its parent asks for it or has ended."""
+def _work(work: LaneWork, channel: Connection) -> None:
+    """What a process does. It stops, when it next tells its news, if its parent says so or is no more."""
     stop_requested = threading.Event()
     # Ctrl-C in a terminal reaches every process of it; the parent alone decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -137,10 +170,11 @@ def _work(work: LaneWork, channel: Connection, parent: int) -> None:
     # Lanes keep the cores busy, so each compiled program needs but one thread.
     os.environ["NPROC"] = "1"
     reported_at = 0.0
+    channel.send(None)  # from now on it stops in good order
 
     def report(progress: Progress) -> None:
         nonlocal reported_at
-        if stop_requested.is_set() or os.getppid() != parent:
+        if stop_requested.is_set() or _is_readable(channel):
             raise KeyboardInterrupt
         if progress.done or time.monotonic() > reported_at + SECONDS_BETWEEN_REPORTS:
             reported_at = time.monotonic()
@@ -149,8 +183,16 @@ def _work(work: LaneWork, channel: Connection, parent: int) -> None:
     try:
         work.run(report)
     except KeyboardInterrupt:
-        sys.exit(1)  # a parent that stopped it no longer looks; to any other it has not finished
+        sys.exit(1)  # a parent that told it to stop no longer looks; to any other it has not finished
     except (CoachableError, OSError) as error:
         channel.send(error)
     except Exception:
         channel.send(RuntimeError(f"{work.name} failed in its process:\n{traceback.format_exc()}"))
+
+
+def _is_readable(channel: Connection) -> bool:
+    """Whether the parent wrote something, which can only be that this process is to stop, or has ended."""
+    try:
+        return channel.poll()
+    except OSError:
+        return True

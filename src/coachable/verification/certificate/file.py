@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from coachable.foundation.data import parse_json, structure
 from coachable.foundation.errors import ParameterError, RunFolderError
 from coachable.foundation.files import hash_of, read_bytes, write_atomic
 from coachable.learning.policy import Policy
@@ -21,6 +23,21 @@ from coachable.verification.gait.section import Loop
 FORMAT, FORMAT_VERSION = "coachable certificate", 1
 PARTS = ("about", "plant", "controller", "box", "strides", "method")
 """What a certificate consists of; each has a hash. `about` says whose it is, and no proof depends on it."""
+
+
+@dataclass(frozen=True)
+class _File:
+    """What a certificate's file holds; the checker reads the parts by itself."""
+
+    format: str
+    format_version: int
+    about: Any
+    plant: Any
+    controller: Any
+    box: Any
+    strides: Any
+    method: Any
+    sha256: Mapping[str, str]
 
 
 def plant_data(parameters: CompassParameters) -> dict[str, str]:
@@ -76,21 +93,16 @@ def read_certificate(path: Path) -> dict[str, Any]:
 
     **Raises:** `RunFolderError` naming the file and what is wrong with it.
     """
-    try:
-        data = json.loads(read_bytes(path).decode())
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise RunFolderError(f"{path} is damaged: {error}") from None
-    if not (isinstance(data, dict) and data.get("format") == FORMAT):
+    data = parse_json(read_bytes(path), str(path), RunFolderError)
+    if data.get("format") != FORMAT:
         raise RunFolderError(f"{path} is not a certificate")
     if data.get("format_version") != FORMAT_VERSION:
         raise RunFolderError(
             f"{path} has format_version {data.get('format_version')!r}; this coachable reads {FORMAT_VERSION}"
         )
-    hashes = data.get("sha256")
+    file = structure(_File, data, f"{path} is damaged", RunFolderError)
     for name in PARTS:
-        if name not in data or not isinstance(hashes, dict):
-            raise RunFolderError(f"{path} is damaged: it lacks {name if name not in data else 'sha256'!r}")
-        if hashes.get(name) != part_hash(data[name]):
+        if file.sha256.get(name) != part_hash(data[name]):
             raise RunFolderError(f"{path} was changed after it was written: its {name!r} is another")
     return data
 

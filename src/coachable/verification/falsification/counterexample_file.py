@@ -5,9 +5,8 @@ A file holds all that it takes to look at the fall, and all that it takes to sim
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.text.parser import parse
 from coachable.behaviours.text.printer import to_text
 from coachable.experiments.walks import WalkToShow
+from coachable.foundation.data import json_text, parse_json, structure
 from coachable.foundation.errors import CoachableError, RunFolderError
 from coachable.foundation.files import read_bytes, write_atomic
 from coachable.plants.compass import STATE_NAMES, CompassParameters
@@ -48,7 +48,7 @@ def write_counterexamples(
         place.mkdir(exist_ok=True)
     for number, (path, (one, result)) in enumerate(zip(paths, found, strict=True), start=1):
         data = _data(lane, number, one, result, parameters, behaviour)
-        write_atomic(path, json.dumps(data, ensure_ascii=False, allow_nan=False) + "\n")
+        write_atomic(path, json_text(data, indent=None) + "\n")
     for old in place.glob("*.json"):
         stem, _, number = old.stem.rpartition("-")
         if stem == lane and number.isdecimal() and old not in paths:
@@ -61,29 +61,50 @@ def load_counterexample(path: Path) -> WalkToShow:
 
     **Raises:** `RunFolderError` if the file is missing, of another version, or damaged.
     """
-    try:
-        data = json.loads(read_bytes(path))
-        version = data["format_version"]
-        if version != FORMAT_VERSION:
-            raise RunFolderError(
-                f"{path} has format_version {version!r}; this coachable reads {FORMAT_VERSION}. "
-                "Use the version of coachable that wrote it"
-            )
-        walk = {name: np.array(data["walk"][name], float) for name in _COLUMNS}
-        if len({len(column) for column in walk.values()}) != 1 or not len(walk["t"]):
-            raise RunFolderError(f"{path} is damaged: the columns of its walk are not of one length")
-        return WalkToShow(
-            title=f"{data['lane']}, counterexample {data['number']}",
-            trajectory=walk | {"phase": walk["phase"].astype(int)},
-            behaviour=parse(data["behaviour"]),
-            parameters=CompassParameters(**data["plant"]),
+    data = parse_json(read_bytes(path), str(path), RunFolderError)
+    version = data.get("format_version")
+    if version != FORMAT_VERSION:
+        raise RunFolderError(
+            f"{path} has format_version {version!r}; this coachable reads {FORMAT_VERSION}. "
+            "Use the version of coachable that wrote it"
         )
-    except RunFolderError:
-        raise
-    except (ValueError, TypeError, CoachableError) as error:
-        raise RunFolderError(f"{path} is damaged, or no counterexample: {error}") from None
-    except KeyError as error:
-        raise RunFolderError(f"{path} is damaged, or no counterexample: it lacks {error}") from None
+    damaged = f"{path} is damaged, or no counterexample"
+    file = structure(_File, data, damaged, RunFolderError)
+    if missing := [name for name in _COLUMNS if name not in file.walk]:
+        raise RunFolderError(f"{damaged}: walk lacks {missing[0]!r}")
+    walk = {name: np.array(file.walk[name]) for name in _COLUMNS}
+    if len({len(column) for column in walk.values()}) != 1 or not len(walk["t"]):
+        raise RunFolderError(f"{path} is damaged: the columns of its walk are not of one length")
+    try:
+        behaviour = parse(file.behaviour)
+    except CoachableError as error:
+        raise RunFolderError(f"{damaged}: {error}") from None
+    return WalkToShow(
+        title=f"{file.lane}, counterexample {file.number}",
+        trajectory=walk | {"phase": walk["phase"].astype(int)},
+        behaviour=behaviour,
+        parameters=file.plant,
+    )
+
+
+@dataclass(frozen=True)
+class _File:
+    """What a counterexample's file holds; docs/counterexamples.md documents each key."""
+
+    format_version: int
+    lane: str
+    number: int
+    found_by: str
+    perturbation: Mapping[str, Any]
+    size: float
+    x0: tuple[float, ...]
+    disturbance: tuple[tuple[float, ...], ...]
+    clock: str
+    seconds: float
+    plant: CompassParameters
+    falls_after: Mapping[str, float]
+    behaviour: str
+    walk: Mapping[str, tuple[float, ...]]
 
 
 def _data(

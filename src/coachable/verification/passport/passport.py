@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from coachable.envs.walking_task import Clock
+from coachable.foundation.data import json_text, parse_json, structure, unstructure
 from coachable.foundation.errors import RunFolderError
 from coachable.foundation.files import read_bytes, write_atomic
-from coachable.foundation.json_values import from_json, to_json
 from coachable.rewards.setup import Semantics
 from coachable.verification.gait.adherence import Adherence
 from coachable.verification.gait.orbit import Orbit
@@ -156,13 +155,13 @@ def passport_path(folder: Path, name: str) -> Path:
 def write_passport(folder: Path, passport: Passport) -> Path:
     """Write a passport into a folder, whole or not at all."""
     path = passport_path(folder, passport.walker.name)
-    write_atomic(path, json.dumps(passport_data(passport), indent=2, ensure_ascii=False) + "\n")
+    write_atomic(path, json_text(passport_data(passport)) + "\n")
     return path
 
 
 def passport_data(passport: Passport) -> dict[str, Any]:
     """The passport as JSON has it, as docs/passport.md documents it."""
-    return {"format_version": FORMAT_VERSION, **to_json(passport, _DERIVED)}
+    return {"format_version": FORMAT_VERSION, **unstructure(passport, _DERIVED)}
 
 
 def read_passport(path: Path) -> Passport:
@@ -170,12 +169,7 @@ def read_passport(path: Path) -> Passport:
 
     **Raises:** `RunFolderError` naming the file and what is wrong with it.
     """
-    try:
-        data = json.loads(read_bytes(path).decode())
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise RunFolderError(f"{path} is damaged: {error}") from None
-    if not isinstance(data, dict):
-        raise RunFolderError(f"{path} is damaged: it holds no object")
+    data = parse_json(read_bytes(path), str(path), RunFolderError)
     version = data.pop("format_version", None)
     if version != FORMAT_VERSION:
         raise RunFolderError(
@@ -183,9 +177,9 @@ def read_passport(path: Path) -> Passport:
             "Delete it and verify the walker again"
         )
     try:
-        return from_json(Passport, data, _DERIVED)
+        return structure(Passport, data, f"{path} is damaged", RunFolderError, derived=_DERIVED)
     except RunFolderError as error:
-        raise RunFolderError(f"{path} is damaged: {error}. Delete it and verify the walker again") from None
+        raise RunFolderError(f"{error}. Delete it and verify the walker again") from None
 
 
 def _steps(count: int) -> str:
