@@ -1,6 +1,5 @@
 """A long walk in a closed loop, under either clock, with what is needed to see the gait it settles to."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,10 +14,10 @@ from coachable.envs.walking_task import Clock
 from coachable.plants.event_search import PAPER_CHATTER
 from coachable.plants.integrate import advance
 from coachable.plants.outcome import Outcome
-from coachable.verification.gait.section import Loop, section_point
+from coachable.verification.gait.closed_loop import ClosedLoop
 
 SETTLING_SECONDS = 100.0
-"""How long a walker may take to settle."""
+"""How long a plant may take to settle."""
 
 MORE_SAMPLES = 1.1
 """A clock that restarts at touchdown takes more samples than time over period; so many times more at most."""
@@ -29,28 +28,28 @@ class Sample(eqx.Module):
 
     time: Float[Array, ""]
     """At its end [s]."""
-    x: Float[Array, "4"]
+    x: Float[Array, " state"]
     """State at its end."""
-    control: Float[Array, "2"]
-    """Torque held in it (ankle, hip) [N m]."""
+    control: Float[Array, " control"]
+    """Held in it."""
     foot_x: Float[Array, ""]
     """Where the stance foot stands at its end [m]."""
     work: Float[Array, ""]
-    """What the joints have done until its end, braking counted as driving [J]."""
+    """The actuators' work until its end, braking counted as driving [J]."""
     touched: Bool[Array, ""]
     """Whether there was a touchdown in it."""
     touchdown_time: Float[Array, ""]
     """When the last of them was, from the walk's start [s]."""
-    y: Float[Array, "3"]
-    """Where on the section the walker was right after that."""
+    y: Float[Array, " section"]
+    """The point of the section right after that."""
     alive: Bool[Array, ""]
-    """Whether the step was taken: the walker had not fallen and the time was not over."""
+    """Whether the step was taken: the plant had not fallen and the time was not over."""
     outcome: Int[Array, ""]
     """An `Outcome`."""
 
 
 class _Now(eqx.Module):
-    x: Float[Array, "5"]
+    x: Float[Array, " metered"]
     foot_x: Float[Array, ""]
     full_steps: Int[Array, ""]
     in_others: Float[Array, ""]
@@ -60,8 +59,8 @@ class _Now(eqx.Module):
     alive: Bool[Array, ""]
 
 
-def sample_walk(loop: Loop, x0: Float[Array, "4"], clock: Clock, seconds: float) -> Sample:
-    """Walk from x0 until the walker falls or the time is over, with the touchdown rules of the task."""
+def sample_walk(loop: ClosedLoop, x0: Float[Array, " state"], clock: Clock, seconds: float) -> Sample:
+    """Walk from x0 until the plant falls or the time is over, with the touchdown rules of the task."""
     restarts = clock == "touchdown"
     metered = loop.metered
     dtype, count = x0.dtype, jnp.zeros((), jnp.int32)
@@ -69,10 +68,10 @@ def sample_walk(loop: Loop, x0: Float[Array, "4"], clock: Clock, seconds: float)
     start = _Now(jnp.append(x0, zero), zero, count, zero, count, jnp.array(True))
 
     def step(now: _Now, _):
-        # Behind its end a walk is begun anew, unseen: where the walker fell, every step would search for
+        # Behind its end a walk is begun anew, unseen: where the plant fell, every step would search for
         # events in vain, and all that is vmapped beside it would wait.
         begin = jax.tree.map(partial(jnp.where, now.alive), now, start)
-        control = loop.control(begin.x)
+        control = loop.metered_control(begin.x)
         moved = advance(
             metered,
             begin.x,
@@ -101,13 +100,13 @@ def sample_walk(loop: Loop, x0: Float[Array, "4"], clock: Clock, seconds: float)
         )
         return after, Sample(
             time=time,
-            x=moved.x[:4],
+            x=moved.x[:-1],
             control=control,
             foot_x=moved.foot_x,
-            work=moved.x[4],
+            work=moved.x[-1],
             touched=touched,
             touchdown_time=time_before + jnp.where(touched, moved.touchdown_time, 0),
-            y=section_point(moved.segment_x),
+            y=loop.plant.to_section(moved.segment_x[:-1]),
             alive=now.alive,
             outcome=moved.outcome,
         )
@@ -117,42 +116,42 @@ def sample_walk(loop: Loop, x0: Float[Array, "4"], clock: Clock, seconds: float)
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
+class SampledWalk:
     """A walk as NumPy arrays, one row a sample, the start included; touchdowns apart."""
 
     time: np.ndarray
     """[s]"""
     x: np.ndarray
-    """States (θ1, θ2, θ̇1, θ̇2)."""
+    """States."""
     control: np.ndarray
-    """Torques (ankle, hip) from each row but the last to the next [N m]."""
+    """Controls from each row but the last to the next."""
     touchdown_time: np.ndarray
     """When a foot touched down [s]."""
     touchdown_foot: np.ndarray
     """Where the new stance foot then stood [m]."""
     touchdown_work: np.ndarray
-    """What the joints had done when the sample of the touchdown ended [J]."""
+    """The actuators' work when the sample of the touchdown ended [J]."""
     section: np.ndarray
-    """Points of the section (β, θ̇1, θ̇2), one a touchdown."""
+    """Points of the section, one a touchdown."""
     outcome: Outcome
     """How it ended."""
 
     @property
     def seconds(self) -> float:
-        """How long the walker was up."""
+        """How long the plant was up."""
         return float(self.time[-1])
 
     @property
     def up(self) -> bool:
-        """Whether the walker was up at the end."""
+        """Whether the plant was up at the end."""
         return self.outcome is Outcome.WALKING
 
     @staticmethod
-    def of(samples: Sample, x0: np.ndarray) -> "Walk":
+    def of(samples: Sample, x0: np.ndarray) -> "SampledWalk":
         """The steps that were taken, of one walk."""
         taken = jax.tree.map(lambda leaf: np.asarray(leaf)[np.asarray(samples.alive)], samples)
         touched = taken.touched & (taken.outcome == Outcome.WALKING)
-        return Walk(
+        return SampledWalk(
             time=np.concatenate([[0.0], taken.time]),
             x=np.concatenate([np.asarray(x0)[None], taken.x]),
             control=taken.control,
@@ -164,21 +163,22 @@ class Walk:
         )
 
 
-def stacked(loops: Sequence[Loop]) -> Loop:
-    """Loops of one kind as one whose arrays have a leading axis."""
-    return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *loops)
-
-
 def settle(
-    loops: Loop, starts: Float[np.ndarray, "walkers 4"], clock: Clock, seconds: float = SETTLING_SECONDS
-) -> list[Walk]:
+    loops: ClosedLoop,
+    starts: Float[np.ndarray, "walkers state"],
+    clock: Clock,
+    seconds: float = SETTLING_SECONDS,
+) -> list[SampledWalk]:
     """Long walks of stacked loops, each from its start, side by side."""
     samples = jax.device_get(_sample_walks(loops, jnp.asarray(starts, jnp.float64), clock, seconds))
     return [
-        Walk.of(jax.tree.map(lambda leaf, i=i: leaf[i], samples), start) for i, start in enumerate(starts)
+        SampledWalk.of(jax.tree.map(lambda leaf, i=i: leaf[i], samples), start)
+        for i, start in enumerate(starts)
     ]
 
 
 @eqx.filter_jit
-def _sample_walks(loops: Loop, starts: Float[Array, "walkers 4"], clock: Clock, seconds: float) -> Sample:
+def _sample_walks(
+    loops: ClosedLoop, starts: Float[Array, "walkers state"], clock: Clock, seconds: float
+) -> Sample:
     return eqx.filter_vmap(lambda loop, x0: sample_walk(loop, x0, clock, seconds))(loops, starts)
