@@ -12,8 +12,7 @@ from coachable.behaviours.library import load_behaviour
 from coachable.experiments.plan import Study
 from coachable.experiments.run_folder.writer import RunFolder
 from coachable.learning.policy import Policy
-from coachable.plants.compass import START, STATE_NAMES, CompassWalker
-from coachable.plants.controllers import VirtualGravity
+from coachable.plants.compass import START, STATE_NAMES, CompassWalker, VirtualGravity
 from coachable.rewards.setup import RewardSetup
 from coachable.verification.gait.orbit import find_orbits
 from coachable.verification.gait.section import Loop, in_double

@@ -21,8 +21,7 @@ from coachable.behaviours.notation import pretty_name, pretty_predicate
 from coachable.behaviours.predicates import OPERATORS, All, Comparison, Not, Predicate, Signal, holds
 from coachable.behaviours.rewriting import conjuncts
 from coachable.foundation.errors import BehaviourError
-from coachable.plants.compass import START, STATE_NAMES, CompassWalker
-from coachable.plants.controllers import VirtualGravity
+from coachable.plants.compass import START, STATE_NAMES, CompassWalker, VirtualGravity
 
 Verdict = Literal["always", "never", "sometimes", "unknown"]
 

@@ -129,8 +129,8 @@ def _behaviour(
 ) -> Model:
     from coachable.behaviours.library import load_behaviour
     from coachable.envs.baselines import WALKING_TORQUE
-    from coachable.plants.compass import CompassWalker
-    from coachable.plants.controllers import ConstantTorque, NoTorque, VirtualGravity
+    from coachable.plants.compass import CompassWalker, VirtualGravity
+    from coachable.plants.controllers import ConstantTorque, NoTorque
     from coachable.verification.export.model import Model
 
     behaviour = load_behaviour(name)
@@ -141,7 +141,7 @@ def _behaviour(
     controller = {
         "virtual-gravity": VirtualGravity(CompassWalker()),
         "constant-torque": ConstantTorque(WALKING_TORQUE),
-        "none": NoTorque(),
+        "none": NoTorque(2),
     }[baseline]
     return Model(f"{behaviour.name}, {baseline}", behaviour, controller, clock=clock or "free")
 

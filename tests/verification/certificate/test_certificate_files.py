@@ -11,8 +11,8 @@ import pytest
 
 from coachable.foundation.errors import ParameterError, RunFolderError
 from coachable.learning.policy import Policy
-from coachable.plants.compass import STATE_NAMES, CompassParameters, CompassWalker
-from coachable.plants.controllers import ConstantTorque, VirtualGravity
+from coachable.plants.compass import STATE_NAMES, CompassParameters, CompassWalker, VirtualGravity
+from coachable.plants.controllers import ConstantTorque
 from coachable.verification.certificate import checker, proposal
 from coachable.verification.certificate.file import (
     PARTS,

@@ -6,8 +6,7 @@ import pytest
 
 from coachable.behaviours.library import load_behaviour
 from coachable.learning.policy import Policy
-from coachable.plants.compass import STATE_NAMES, CompassWalker
-from coachable.plants.controllers import VirtualGravity
+from coachable.plants.compass import STATE_NAMES, CompassWalker, VirtualGravity
 from coachable.verification.export.model import Model
 
 

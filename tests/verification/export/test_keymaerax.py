@@ -7,8 +7,8 @@ import pytest
 from coachable.behaviours.behaviour import Behaviour, Edge, Phase
 from coachable.behaviours.predicates import All, Any, Comparison, Not, Signal
 from coachable.foundation.errors import BehaviourError, ParameterError
-from coachable.plants.compass import STATE_NAMES, CompassParameters, CompassWalker
-from coachable.plants.controllers import ConstantTorque, VirtualGravity
+from coachable.plants.compass import STATE_NAMES, CompassParameters, CompassWalker, VirtualGravity
+from coachable.plants.controllers import ConstantTorque
 from coachable.verification.export.equations import decimal, inlined
 from coachable.verification.export.keymaerax import keymaerax
 from coachable.verification.export.model import Model

@@ -59,8 +59,8 @@ def test_a_learned_policy_walks_the_same_with_its_weights_inside(models, policy,
 
 @pytest.mark.usefixtures("x64")
 def test_a_fall_ends_the_walk_at_the_same_moment(models, tmp_path):
-    model = Model("falls", models["bare"].behaviour, NoTorque())
-    theirs = rollout(NoTorque(), 10.0)
+    model = Model("falls", models["bare"].behaviour, NoTorque(2))
+    theirs = rollout(NoTorque(2), 10.0)
     walk = walked(model, tmp_path)
     assert walk["t"][-1] < 10
     assert_same_walk(walk, theirs, (*model.behaviour.phase_names, "outside"), atol=1e-6)

@@ -24,7 +24,7 @@ def found():
     pushes = HeldTorques(1.0, seconds=0.2, hold=10)
     point = np.linspace(-1, 0.5, pushes.size)
     starts, torques = pushes.at(point[None])
-    walk = resimulate(NoTorque(), starts[0], torques[0], PAPER_PARAMETERS, "free", 5.0)
+    walk = resimulate(NoTorque(2), starts[0], torques[0], PAPER_PARAMETERS, "free", 5.0)
     fall = Fall("cma-es", point, walk.seconds)
     search = Search("cma-es", 16, -0.8, 3, (fall,))
     one = Counterexample(fall, starts[0], torques[0], walk)

@@ -11,8 +11,8 @@ from coachable.envs.rollout import rollout
 from coachable.envs.walking_task import NO_BOX, make_task
 from coachable.foundation.errors import MissingExtraError, ParameterError
 from coachable.learning.policy import Policy
-from coachable.plants.compass import PAPER_PARAMETERS, START, CompassParameters, CompassWalker
-from coachable.plants.controllers import ConstantTorque, NoTorque, VirtualGravity
+from coachable.plants.compass import PAPER_PARAMETERS, START, CompassParameters, CompassWalker, VirtualGravity
+from coachable.plants.controllers import ConstantTorque, NoTorque
 from coachable.rewards.setup import PAPER_SETUPS
 from coachable.verification import falsify as falsification
 from coachable.verification import resimulation
@@ -200,7 +200,7 @@ def test_controllers_are_the_same_in_numpy():
         VirtualGravity(plant, slope=-0.1),
         VirtualGravity(plant, released=True),
         ConstantTorque((0.5, -0.25)),
-        NoTorque(),
+        NoTorque(2),
     ):
         again = numpy_controller(controller)
         for x in draw((10, 4)):
@@ -248,7 +248,7 @@ def test_pushes_are_bounded_held_and_over_in_time():
         (lambda: HeldTorques(0.0), "positive"),
         (lambda: HeldTorques(1.0, seconds=0.01), "do not fit"),
         (lambda: HeldTorques(1.0, hold=0), "at least one"),
-        (lambda: falsify(NoTorque(), HeldTorques(1.0), budget=0), "at least 1"),
+        (lambda: falsify(NoTorque(2), HeldTorques(1.0), budget=0), "at least 1"),
         (lambda: falsify(lambda x: x[:2], HeldTorques(1.0)), "without JAX"),
     ],
 )

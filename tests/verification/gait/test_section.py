@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from coachable.plants.compass import CompassParameters, CompassWalker
-from coachable.plants.controllers import VirtualGravity
+from coachable.plants.compass import CompassParameters, CompassWalker, VirtualGravity
 from coachable.verification.gait.orbit import follow
 from coachable.verification.gait.section import section_point, state_of
 from coachable.verification.gait.walk import stacked

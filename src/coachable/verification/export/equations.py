@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from decimal import Decimal
 from types import MappingProxyType
 
-from coachable.plants.compass import STATE_NAMES, CompassParameters
-from coachable.plants.controllers import ConstantTorque, NoTorque, VirtualGravity
+from coachable.plants.compass import STATE_NAMES, CompassParameters, VirtualGravity
+from coachable.plants.controllers import ConstantTorque, NoTorque
 
 Definitions = Mapping[str, str]
 """Formulas by name, each after those that it speaks of."""

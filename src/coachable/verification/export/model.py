@@ -24,8 +24,15 @@ from coachable.envs.walking_task import Clock
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.learning.policy import Policy
-from coachable.plants.compass import PAPER_PARAMETERS, START, STATE_NAMES, CompassParameters, CompassWalker
-from coachable.plants.controllers import ConstantTorque, NoTorque, VirtualGravity
+from coachable.plants.compass import (
+    PAPER_PARAMETERS,
+    START,
+    STATE_NAMES,
+    CompassParameters,
+    CompassWalker,
+    VirtualGravity,
+)
+from coachable.plants.controllers import ConstantTorque, NoTorque
 from coachable.verification.export.equations import decimal, torques_of
 
 OUTSIDE = "outside"

@@ -19,8 +19,8 @@ from coachable.envs.walking_task import Clock
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.learning.policy import Policy
-from coachable.plants.compass import CompassParameters
-from coachable.plants.controllers import ConstantTorque, NoTorque, VirtualGravity
+from coachable.plants.compass import CompassParameters, VirtualGravity
+from coachable.plants.controllers import ConstantTorque, NoTorque
 from coachable.verification.falsification.perturbation import CONTROL_DT
 
 _LOOKS = 16
@@ -120,7 +120,7 @@ def numpy_controller(controller: object) -> Callable[[State], Torque]:
             return virtual_gravity
         case ConstantTorque(torque=torque):
             return lambda x: np.array(torque)
-        case NoTorque():
+        case NoTorque(2):
             return lambda x: np.zeros(2)
     known = ", ".join(kind.__name__ for kind in (Policy, VirtualGravity, ConstantTorque, NoTorque))
     raise ParameterError(

@@ -1,6 +1,7 @@
 """The touchdown section and the return map on it, with a sample clock that restarts at touchdown."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal, TypeVar
 
 import equinox as eqx
@@ -13,7 +14,7 @@ from coachable.plants.compass import CompassWalker
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
 from coachable.plants.integrate import advance
 from coachable.plants.outcome import Outcome
-from coachable.plants.plant import HybridSystem
+from coachable.plants.plant import Dynamics, Event
 from coachable.plants.runge_kutta import rk4
 
 Controller = Callable[[Float[Array, "4"]], Float[Array, "2"]]
@@ -55,7 +56,7 @@ class Loop(eqx.Module):
         return Metered(self.plant, self.controller if self.hold == "continuous" else None)
 
 
-class Metered(HybridSystem):
+class Metered(Dynamics):
     """The compass walker with a fifth coordinate w: ẇ = |u₁ θ̇₁| + |u₂ (θ̇₁ − θ̇₂)|, its joints' work [J].
 
     With a `controller` the torque follows the state continuously, and what is held does not count.
@@ -72,26 +73,20 @@ class Metered(HybridSystem):
         power = jnp.abs(ankle * dtheta_1) + jnp.abs(hip * (dtheta_1 - dtheta_2))
         return jnp.append(self.plant.flow(x[:4], torque), power)
 
-    def guard(self, x: Float[Array, "5"]) -> Float[Array, ""]:
-        """The plant's."""
-        return self.plant.guard(x[:4])
-
-    def can_touch_down(self, x: Float[Array, "5"]) -> Bool[Array, ""]:
-        """The plant's."""
-        return self.plant.can_touch_down(x[:4])
-
     @property
-    def can_bounce(self) -> bool:
-        """The plant's."""
-        return self.plant.can_bounce
+    def events(self) -> tuple[Event, ...]:
+        """The plant's; an impact costs the joints no work."""
 
-    def impact(self, x: Float[Array, "5"]) -> Float[Array, "5"]:
-        """The plant's; the impact costs the joints no work."""
-        return jnp.append(self.plant.impact(x[:4]), x[4])
+        def metered(event: Event) -> Event:
+            return replace(
+                event,
+                guard=lambda x: event.guard(x[:4]),
+                admissible=lambda x: event.admissible(x[:4]),
+                reset=lambda x: jnp.append(event.reset(x[:4]), x[4]),
+                displacement=lambda x: event.displacement(x[:4]),
+            )
 
-    def step_length(self, x: Float[Array, "5"]) -> Float[Array, ""]:
-        """The plant's."""
-        return self.plant.step_length(x[:4])
+        return tuple(map(metered, self.plant.events))
 
     def fall_margin(self, x: Float[Array, "5"]) -> Float[Array, ""]:
         """The plant's."""

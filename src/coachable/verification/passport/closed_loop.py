@@ -13,8 +13,8 @@ from coachable.experiments.run_folder.reader import Run, Which
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.files import hash_of, read_bytes
 from coachable.foundation.suggestion import suggestion
-from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters, CompassWalker
-from coachable.plants.controllers import ConstantTorque, NoTorque, VirtualGravity
+from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters, CompassWalker, VirtualGravity
+from coachable.plants.controllers import ConstantTorque, NoTorque
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
 from coachable.rewards.setup import Semantics
 from coachable.verification.gait.section import Controller, Loop
@@ -79,7 +79,7 @@ def baseline_subject(
     controllers = {
         "virtual-gravity": VirtualGravity(plant, released=semantics == "released-code"),
         "constant-torque": ConstantTorque(WALKING_TORQUE),
-        "none": NoTorque(),
+        "none": NoTorque(2),
     }
     return Subject(
         walker=Walker(name, None, None, None, None, semantics, clock),

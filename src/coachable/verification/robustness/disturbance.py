@@ -1,5 +1,7 @@
 """A walker that is not as it was trained: kicked, of other masses and lengths, on a slope, noisy or late."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,7 +13,7 @@ from coachable.plants.compass import CompassWalker
 from coachable.plants.event_search import PAPER_CHATTER
 from coachable.plants.integrate import advance
 from coachable.plants.outcome import Outcome
-from coachable.plants.plant import HybridSystem
+from coachable.plants.plant import Dynamics, Event
 from coachable.verification.gait.section import Loop, state_of
 
 
@@ -40,7 +42,7 @@ def undisturbed() -> Disturbance:
     return Disturbance(jnp.zeros(2), one, one, one, zero, zero, jnp.zeros((), bool))
 
 
-class OtherWalker(HybridSystem):
+class OtherWalker(Dynamics):
     """A compass walker with all masses, all lengths and gravity multiplied, on ground that may slope.
 
     With factors μ, λ and γ the inertias are multiplied by μλ² and the weights by μλγ, so that
@@ -58,26 +60,18 @@ class OtherWalker(HybridSystem):
         relief = jnp.linalg.solve(self.walker.input_matrix().astype(x.dtype), lightened)
         return self.walker.flow(x, control / (d.mass * d.length**2) + relief)
 
-    def guard(self, x: Float[Array, "4"]) -> Float[Array, ""]:
-        """The walker's, of angles from the ground's normal."""
-        return self.walker.guard(self._from_normal(x))
-
-    def can_touch_down(self, x: Float[Array, "4"]) -> Bool[Array, ""]:
-        """The walker's."""
-        return self.walker.can_touch_down(x)
-
     @property
-    def can_bounce(self) -> bool:
-        """The walker's."""
-        return self.walker.can_bounce
+    def events(self) -> tuple[Event, ...]:
+        """The walker's, with angles from the ground's normal in the guard and the step's length."""
 
-    def impact(self, x: Float[Array, "4"]) -> Float[Array, "4"]:
-        """The walker's, which depends on the angle between the legs only."""
-        return self.walker.impact(x)
+        def sloped(event: Event) -> Event:
+            return replace(
+                event,
+                guard=lambda x: event.guard(self._from_normal(x)),
+                displacement=lambda x: event.displacement(self._from_normal(x)),
+            )
 
-    def step_length(self, x: Float[Array, "4"]) -> Float[Array, ""]:
-        """Along the ground."""
-        return self.walker.step_length(self._from_normal(x))
+        return tuple(map(sloped, self.walker.events))
 
     def fall_margin(self, x: Float[Array, "4"]) -> Float[Array, ""]:
         """Zero when the hip is on the ground."""
