@@ -235,7 +235,7 @@ class Feedback(eqx.Module):
 
 
 @pytest.mark.parametrize(
-    "controller", [NoTorque(), ConstantTorque((-1.35, -0.18)), Feedback(np.zeros((2, 4)))]
+    "controller", [NoTorque(2), ConstantTorque((-1.35, -0.18)), Feedback(np.zeros((2, 4)))]
 )
 def test_every_controller_can_be_executed(controller):
     execution = execute(HybridAutomaton.of(WALKING, WALKER), np.array(IN_O1), controller, 0.05)

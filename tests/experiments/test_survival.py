@@ -21,7 +21,7 @@ def test_a_walker_is_up_until_it_falls():
     task = task_of(20.0)
     up_for, is_up = time_up(task, WALKING, task.x0)
     assert (float(up_for), bool(is_up)) == (pytest.approx(20.0), True)
-    up_for, is_up = time_up(task, NoTorque(), task.x0)
+    up_for, is_up = time_up(task, NoTorque(2), task.x0)
     assert 0 < float(up_for) < 10
     assert not is_up
 

@@ -14,8 +14,8 @@ from coachable.envs.rollout import Episode, Summary, Trajectory, rollout, summar
 from coachable.envs.walking_task import NO_BOX, WalkingTask, make_task
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
-from coachable.plants.compass import PAPER_PARAMETERS, STATE_NAMES, CompassParameters
-from coachable.plants.controllers import ConstantTorque, NoTorque, VirtualGravity
+from coachable.plants.compass import PAPER_PARAMETERS, STATE_NAMES, CompassParameters, VirtualGravity
+from coachable.plants.controllers import ConstantTorque, NoTorque
 from coachable.plants.integrate import advance
 from coachable.rewards.setup import PAPER_SETUPS, Semantics
 
@@ -127,4 +127,4 @@ def _mean_of_last(values: np.ndarray) -> float:
 def _controller(name: ControllerName, task: WalkingTask) -> VirtualGravity | ConstantTorque | NoTorque:
     if name == "virtual-gravity":
         return VirtualGravity(task.plant, released=task.semantics == "released-code")
-    return ConstantTorque(WALKING_TORQUE) if name == "constant-torque" else NoTorque()
+    return ConstantTorque(WALKING_TORQUE) if name == "constant-torque" else NoTorque(2)

@@ -111,7 +111,7 @@ class WalkingTask(Task):
             x=self.x0,
             foot_x=zero,
             observation=self.x0,
-            hip_x=self.plant.hip(self.x0, zero)[0],
+            hip_x=self.plant.base(self.x0, zero)[0],
             memory=remember(self._signals(self.x0)),
             control=jnp.zeros((2,), dtype),
             num_steps=count,
@@ -160,7 +160,7 @@ class WalkingTask(Task):
         else:
             time_is_up = time >= self.seconds - 1e-3 * self.control_dt  # sums of short steps are not exact
 
-        hip_x = self.plant.hip(x, foot_x)[0]
+        hip_x = self.plant.base(x, foot_x)[0]
         memory, move = self.phase_reward.tracker.advance(state.memory, self._signals(x), moved.elapsed)
         facts = StepFacts(
             move=move,

@@ -19,8 +19,7 @@ from coachable.experiments.run_folder.reader import BASELINE, Which
 from coachable.experiments.run_folder.schemas import SCHEMAS, table_of
 from coachable.experiments.run_folder.writer import RunFolder
 from coachable.learning.policy import Policy
-from coachable.plants.compass import STATE_NAMES
-from coachable.plants.controllers import VirtualGravity
+from coachable.plants.compass import STATE_NAMES, VirtualGravity
 from coachable.rewards.setup import TERM_NAMES
 
 LOGS = ("episodes", "evaluations", "survival")

@@ -12,7 +12,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from coachable.envs.walking_task import WalkingTask
-from coachable.plants.controllers import VirtualGravity
+from coachable.plants.compass import VirtualGravity
 from coachable.plants.integrate import advance
 
 LONG_SECONDS = 100.0

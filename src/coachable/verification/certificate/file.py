@@ -13,8 +13,7 @@ import numpy as np
 from coachable.foundation.errors import ParameterError, RunFolderError
 from coachable.foundation.files import hash_of, read_bytes, write_atomic
 from coachable.learning.policy import Policy
-from coachable.plants.compass import CompassParameters
-from coachable.plants.controllers import VirtualGravity
+from coachable.plants.compass import CompassParameters, VirtualGravity
 from coachable.verification.certificate.checker import CertificateError, Verdict, check
 from coachable.verification.gait.section import Loop
 
