@@ -68,3 +68,11 @@ def parameters_from(plant: type[Plant], numbers: Mapping[str, Any]) -> Any:
         if name not in known:
             raise ParameterError(f"{plant.name} has no parameter {name!r}; {suggestion(name, known)}")
     return kind(**numbers)
+
+
+def name_of(plant: type[Plant]) -> str:
+    """The name by which `plant_class` finds a plant's class."""
+    for name in plant_names():
+        if plant_class(name) is plant:
+            return name
+    return f"{plant.__module__}:{plant.__qualname__}"

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from coachable.plants.compass import START
+from coachable.verification.gait.closed_loop import stacked
 from coachable.verification.gait.orbit import find_orbits, fixed_point, follow
 from coachable.verification.gait.stability import stabilities
 from coachable.verification.gait.walk import settle

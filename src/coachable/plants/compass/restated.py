@@ -5,24 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
+from coachable.plants.compass.parameters import CompassParameters
 from coachable.plants.restated import Control, Restated, RestatedEvent, State
 
 
-class _Parameters(Protocol):
-    """Masses [kg], lengths [m] and gravity [m/s²]."""
-
-    hip_mass: float
-    leg_mass: float
-    a: float
-    b: float
-    gravity: float
-
-
-def restated(parameters: _Parameters) -> Restated:
+def restated(parameters: CompassParameters) -> Restated:
     """M(θ) θ̈ + C(θ, θ̇) θ̇ + g(θ) = S u and T⁺ θ̇⁺ = T⁻ θ̇⁻, Harnack et al., CDC 2023."""
     walker = _Walker(parameters)
     touchdown = RestatedEvent(
@@ -36,7 +26,9 @@ def restated(parameters: _Parameters) -> Restated:
     return Restated(walker.flow, (touchdown,), lambda x: math.cos(x[0]))
 
 
-def virtual_gravity(parameters: _Parameters, slope: float, released: bool) -> Callable[[State], Control]:
+def virtual_gravity(
+    parameters: CompassParameters, slope: float, released: bool
+) -> Callable[[State], Control]:
     """The torques of virtual gravity, Asano, Luo and Yamakita (2005); see `VirtualGravity`."""
     p = parameters
     length, pull = p.a + p.b, p.gravity * math.tan(slope)
@@ -51,7 +43,7 @@ def virtual_gravity(parameters: _Parameters, slope: float, released: bool) -> Ca
 
 @dataclass(frozen=True)
 class _Walker:
-    parameters: _Parameters
+    parameters: CompassParameters
 
     def flow(self, x: State, u: Control) -> list[float]:
         """ẋ, the 2 × 2 system solved by Cramer's rule."""

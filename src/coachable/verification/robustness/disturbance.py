@@ -3,11 +3,17 @@
 from collections.abc import Mapping
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
+from coachable.envs.walking_task import Clock
+from coachable.plants.event_search import PAPER_CHATTER
+from coachable.plants.integrate import advance
+from coachable.plants.outcome import Outcome
 from coachable.plants.plant import Plant
+from coachable.verification.gait.closed_loop import ClosedLoop
 
 
 class Disturbance(eqx.Module):
