@@ -32,7 +32,8 @@ def test_virtual_gravity_is_passive_walking_down_a_slope_in_stronger_gravity(x64
     flat = CompassWalker()
     controller = VirtualGravity(flat, slope=SLOPE)
     steeper = CompassWalker(CompassParameters(gravity=9.807 / np.cos(SLOPE)))
-    slope = steeper.disturbed(steeper.disturbances().nominal | {"slope": SLOPE})
+    changes = dict(steeper.disturbances().nominal) | {"slope": SLOPE}
+    slope = steeper.disturbed({name: jnp.asarray(value) for name, value in changes.items()})
     (touchdown,) = slope.events
     x = random_states()
     upright = x + SLOPE * jnp.array([[1.0, 1.0, 0.0, 0.0]])

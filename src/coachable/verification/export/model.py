@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from coachable.automata.hybrid import TOUCHDOWN, HybridAutomaton
@@ -20,20 +20,17 @@ from coachable.behaviours.expressions import (
 )
 from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate
 from coachable.behaviours.rewriting import expanded
-from coachable.envs.walking_task import Clock
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.learning.policy import Policy
 from coachable.plants.controllers import ConstantTorque, NoTorque
 from coachable.plants.equations import Definitions, Equations, decimal
-from coachable.plants.plant import Plant
+from coachable.plants.plant import Controller, Plant
+from coachable.plants.sampled import Clock
 
 OUTSIDE = "outside"
 CONTROL_DT = 0.01
 """How long a torque is held [s]."""
-
-Controller = Callable[[Any], Any]
-"""From a state to the controls."""
 
 _CLOSED = {"<": "<=", "<=": "<=", ">": ">=", ">=": ">="}
 _OPPOSITE = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from coachable.envs.walking_task import Clock
 from coachable.foundation.errors import MissingExtraError
 from coachable.plants.plant import Controller, Plant
+from coachable.plants.sampled import Clock
 from coachable.verification.falsification.fall_margin import endurance
 from coachable.verification.falsification.perturbation import Perturbation, Points
 

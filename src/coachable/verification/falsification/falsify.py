@@ -13,9 +13,9 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from coachable.envs.walking_task import Clock
 from coachable.foundation.errors import ParameterError
 from coachable.plants.plant import Controller, Plant
+from coachable.plants.sampled import Clock
 from coachable.verification.falsification.fall_search import (
     Fall,
     SearchResult,

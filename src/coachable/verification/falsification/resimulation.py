@@ -14,18 +14,18 @@ from jaxtyping import Float
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from coachable.envs.walking_task import Clock
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.learning.policy import Policy
 from coachable.plants.controllers import ConstantTorque, NoTorque
 from coachable.plants.restated import Control, Restated, RestatedEvent, State
+from coachable.plants.sampled import Clock
 from coachable.verification.falsification.perturbation import CONTROL_DT
 
 _LOOKS = 16
 """In how many places of a control step events are looked for, before they are located."""
-_MOST_EVENTS = 2
-"""One more within a control step is chatter, which is a fall."""
+_MOST_TOUCHDOWNS, _MOST_OTHERS = 2, 63
+"""One more of them, or of other events, within a control step is chatter, which is a fall."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def resimulate(
         push = disturbance[len(rows)] if len(rows) < len(disturbance) else nothing
         control = control_at(x) + push
         rows.append((time, x, control, foot_x))
-        left, cut = CONTROL_DT, False
+        left, cut, others = CONTROL_DT, False, 0
         last: RestatedEvent | None = None
         in_a_row = in_a_row if clock == "touchdown" else 0
         while left > 0 and not fell:
@@ -79,8 +79,8 @@ def resimulate(
             if event is not None:
                 foot_x += event.displacement(x)
                 x, last = event.reset(x), event
-                in_a_row += 1
-                fell = in_a_row > _MOST_EVENTS
+                in_a_row, others = in_a_row + event.restarts_clock, others + (not event.restarts_clock)
+                fell = in_a_row > _MOST_TOUCHDOWNS or others > _MOST_OTHERS
                 if event.restarts_clock and clock == "touchdown":
                     cut = True
                     break
@@ -94,7 +94,7 @@ def resimulate(
     return Resimulation(times, states, controls, feet, fell)
 
 
-def numpy_controller(controller: object, num_controls: int) -> Callable[[State], Control]:
+def numpy_controller(controller: object) -> Callable[[State], Control]:
     """A learned policy or a controller that is written down as a function x ↦ u in NumPy and float64.
 
     **Raises:** `ParameterError` for a controller without such a form.
@@ -104,8 +104,8 @@ def numpy_controller(controller: object, num_controls: int) -> Callable[[State],
             return _numpy_policy(controller)
         case ConstantTorque(torque=torque):
             return lambda x: np.array(torque)
-        case NoTorque():
-            return lambda x: np.zeros(num_controls)
+        case NoTorque(size=size):
+            return lambda x: np.zeros(size)
     if (restated := getattr(controller, "restated", None)) is not None:
         return restated()
     raise ParameterError(
@@ -163,12 +163,12 @@ def _until_event(
             if guard[k] > 0 >= guard[k + 1]:
                 root = brentq(lambda t, event=event: event.guard(at(t)), times[k], times[k + 1], xtol=1e-15)
                 if event.admissible(at(root)):
-                    found.append((root, number))
+                    found.append((float(root), number))
         if margin[k + 1] <= 0:
             inside = margin[k] > 0
             root = brentq(lambda t: plant.fall_margin(at(t)), times[k], times[k + 1]) if inside else times[k]
-            found.append((root, -1))
+            found.append((float(root), -1))
         if found:
             time, number = min(found)
-            return at(time), float(time), plant.events[number] if number >= 0 else None, number < 0
+            return at(time), time, plant.events[number] if number >= 0 else None, number < 0
     return walk.y[:, -1], duration, None, False

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from coachable.envs.walking_task import Clock
+from coachable.plants.sampled import Clock
 from coachable.verification.gait.closed_loop import ClosedLoop, has_power, stacked
 from coachable.verification.gait.section import Stride, linearised
 from coachable.verification.gait.walk import SampledWalk

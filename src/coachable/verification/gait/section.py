@@ -9,10 +9,9 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from coachable.plants.integrate import advance
-from coachable.plants.outcome import Outcome
 from coachable.plants.plant import Plant
 from coachable.plants.runge_kutta import rk4
+from coachable.plants.sampled import Sampling, sampled_walk
 from coachable.verification.gait.closed_loop import ClosedLoop
 
 LONGEST_STRIDE = 300
@@ -46,47 +45,26 @@ def states_at(plant: Plant, points: Float[np.ndarray, "points section"]) -> Floa
 
 def stride(loop: ClosedLoop, x: Float[Array, " state"]) -> Stride:
     """Walk from a state to right after the next touchdown, the clock starting at 0."""
-    metered = loop.metered
-    zero, no = jnp.zeros((), x.dtype), jnp.zeros((), bool)
+    sampling = Sampling("touchdown", loop.control_dt, loop.num_substeps)
+    nothing = jnp.zeros((len(loop.plant.control_names),), x.dtype)
 
-    def step(now):
-        x, foot_x, _, samples, _, _ = now
-        control = (
-            loop.metered_control(x)
-            if loop.hold == "sampled"
-            else jnp.zeros((len(loop.plant.control_names),), x.dtype)
-        )
-        moved = advance(
-            metered,
-            x,
-            foot_x,
-            control,
-            loop.control_dt,
-            num_substeps=loop.num_substeps,
-            stop_at_touchdown=True,
-        )
-        return (
-            moved.x,
-            moved.foot_x,
-            moved.elapsed,
-            samples + 1,
-            moved.touchdowns > 0,
-            moved.outcome != Outcome.WALKING,
-        )
+    def control(x, samples, _):
+        return (loop.metered_control(x) if loop.hold == "sampled" else nothing), samples
 
-    def goes_on(now):
-        _, _, _, samples, touched, failed = now
-        return ~touched & ~failed & (samples < LONGEST_STRIDE)
+    def observe(step, samples):
+        samples = samples + 1
+        return samples, step, step.touched | step.fell | (samples >= LONGEST_STRIDE)
 
-    begin = (jnp.append(x, zero), zero, zero, jnp.zeros((), jnp.int32), no, no)
-    x, foot_x, last, samples, touched, failed = lax.while_loop(goes_on, step, begin)
+    start, count = jnp.append(x, jnp.zeros((), x.dtype)), jnp.zeros((), jnp.int32)
+    samples, last, _ = sampled_walk(loop.metered, sampling, control, start, observe, None, memory=count)
+    x, work = last.moved.x[:-1], last.moved.x[-1]
     return Stride(
-        y=loop.plant.to_section(x[:-1]),
-        time=(samples - 1).astype(x.dtype) * loop.control_dt + last,
-        length=foot_x,
-        work=x[-1],
-        landed=touched & ~failed & loop.plant.on_section(x[:-1]),
-        last_sample=last,
+        y=loop.plant.to_section(x),
+        time=last.time,
+        length=last.moved.foot_x,
+        work=work,
+        landed=last.touched & ~last.fell & loop.plant.on_section(x),
+        last_sample=last.moved.elapsed,
         num_samples=samples,
     )
 
@@ -111,7 +89,7 @@ def linearised(
         )
         return taken, jnp.where(taken.landed, jacobian, jnp.nan)
     num_substeps = loop.num_substeps * refinement
-    (touchdown,) = loop.plant.events
+    touchdown = loop.plant.events[0]
 
     def replayed(y):
         x = lax.fori_loop(0, taken.num_samples - 1, lambda _, x: held(x), loop.plant.from_section(y))

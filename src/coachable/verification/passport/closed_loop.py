@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
-from coachable.envs.walking_task import Clock
 from coachable.experiments.plan import IMPLIED
 from coachable.experiments.run_folder.reader import Run, Which
 from coachable.foundation.errors import ParameterError
@@ -15,6 +14,7 @@ from coachable.foundation.suggestion import suggestion
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
 from coachable.plants.named import plant_class
 from coachable.plants.plant import Controller, Plant
+from coachable.plants.sampled import Clock
 from coachable.rewards.setup import Semantics
 from coachable.verification.gait.closed_loop import ClosedLoop
 from coachable.verification.passport.passport import Walker

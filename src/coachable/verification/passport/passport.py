@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from coachable.envs.walking_task import Clock
 from coachable.foundation.errors import RunFolderError
 from coachable.foundation.files import read_bytes, write_atomic
 from coachable.foundation.json_values import from_json, to_json
+from coachable.plants.sampled import Clock
 from coachable.rewards.setup import Semantics
 from coachable.verification.gait.adherence import Adherence
 from coachable.verification.gait.orbit import Orbit

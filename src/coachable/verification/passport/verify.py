@@ -11,11 +11,11 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from coachable.envs.walking_task import Clock
 from coachable.experiments.layout import num_cores
 from coachable.foundation.errors import ParameterError, RunFolderError
 from coachable.foundation.files import write_atomic
 from coachable.plants.plant import Plant
+from coachable.plants.sampled import Clock
 from coachable.verification.falsification.fall_search import require_cma
 from coachable.verification.gait.adherence import adherence
 from coachable.verification.gait.closed_loop import in_double, stacked

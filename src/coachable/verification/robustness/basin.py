@@ -13,12 +13,9 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 from scipy.stats import binomtest
 
-from coachable.envs.walking_task import Clock
 from coachable.experiments.layout import num_cores
-from coachable.plants.event_search import PAPER_CHATTER
-from coachable.plants.integrate import advance
-from coachable.plants.outcome import Outcome
 from coachable.plants.plant import Plant
+from coachable.plants.sampled import Clock, Sampling, sampled_walk, undisturbed
 from coachable.verification.gait.closed_loop import ClosedLoop
 from coachable.verification.gait.section import states_at
 
@@ -128,41 +125,18 @@ def _try(
     loop: ClosedLoop, clock: Clock, starts: Float[Array, "starts state"]
 ) -> tuple[Float[Array, "starts section"], Bool[Array, " starts"], Bool[Array, " starts"]]:
     """Where each start's last touchdown was on the section, whether it fell, and if there was a touchdown."""
-    restarts = clock == "touchdown"
-    more = 1.1 if restarts else 1.0
+    plant, sampling = loop.plant, Sampling(clock, loop.control_dt, chatter=loop.chatter)
 
     def walk(x0):
-        zero, no, count = jnp.zeros((), x0.dtype), jnp.zeros((), bool), jnp.zeros((), jnp.int32)
+        def observe(step, memory):
+            y, _, touched = memory
+            y = jnp.where(step.touched, plant.to_section(step.moved.segment_x), y)
+            over = step.fell | step.time_is_up(SECONDS, sampling)
+            return (y, step.fell, touched | step.touched), None, over
 
-        def step(now, _):
-            x, y, time, in_a_row, fell, touched = now
-            over = fell | (time >= SECONDS)
-            # Behind its end a walk is begun anew, unseen.
-            begin = jnp.where(over, x0, x)
-            moved = advance(
-                loop.plant,
-                begin,
-                zero,
-                loop.controller(begin),
-                loop.control_dt,
-                stop_at_touchdown=restarts,
-                touchdowns_before=in_a_row if restarts else 0,
-                chatter=PAPER_CHATTER if restarts else loop.chatter,
-            )
-            came_down = (moved.touchdowns > 0) & ~over
-            cut = (moved.touchdowns > 0) & restarts
-            after = (
-                moved.x,
-                jnp.where(came_down, loop.plant.to_section(moved.segment_x), y),
-                jnp.where(over, time, time + moved.elapsed),
-                jnp.where(cut, in_a_row + moved.touchdowns, 0),
-                fell | (~over & (moved.outcome != Outcome.WALKING)),
-                touched | came_down,
-            )
-            return after, None
-
-        begin = (x0, jnp.zeros(len(loop.plant.section_names), x0.dtype), zero, count, no, no)
-        (_, y, _, _, fell, touched), _ = lax.scan(step, begin, length=round(more * SECONDS / loop.control_dt))
-        return y, fell, touched
+        no = jnp.zeros((), bool)
+        memory = (jnp.zeros(len(plant.section_names), x0.dtype), no, no)
+        control, num_steps = undisturbed(loop.controller), sampling.num_steps(SECONDS)
+        return sampled_walk(plant, sampling, control, x0, observe, num_steps, memory=memory)[0]
 
     return lax.map(walk, starts, batch_size=_AT_ONCE)

@@ -5,14 +5,10 @@ from collections.abc import Mapping
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax import lax
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from coachable.envs.walking_task import Clock
-from coachable.plants.event_search import PAPER_CHATTER
-from coachable.plants.integrate import advance
-from coachable.plants.outcome import Outcome
 from coachable.plants.plant import Plant
+from coachable.plants.sampled import Clock, Sampling, sampled_walk
 from coachable.verification.gait.closed_loop import ClosedLoop
 
 
@@ -50,33 +46,29 @@ def seconds_up(
 ) -> Float[Array, ""]:
     """How long the plant stays up from a point of the section, of so many seconds [s]."""
     plant = loop.plant.disturbed(disturbance.changes)
-    restarts = clock == "touchdown"
+    sampling = Sampling(clock, loop.control_dt, chatter=loop.chatter)
     x0 = loop.plant.placed(loop.plant.from_section(y), disturbance.changes) + disturbance.kick
-    zero, count = jnp.zeros((), y.dtype), jnp.zeros((), jnp.int32)
-    num_steps = round(seconds / loop.control_dt * (1.1 if restarts else 1))
 
-    def step(now, key):
-        x, time, wanted_before, in_a_row, over = now
-        # Behind its end a walk is begun anew, unseen.
-        begin = jnp.where(over, x0, x)
-        wanted = loop.controller(begin)
-        control = jnp.where(disturbance.delay, wanted_before, wanted)
-        moved = advance(
-            plant,
-            begin,
-            zero,
-            control + disturbance.noise * jax.random.normal(key, wanted.shape, x.dtype),
-            loop.control_dt,
-            stop_at_touchdown=restarts,
-            touchdowns_before=in_a_row if restarts else 0,
-            chatter=PAPER_CHATTER if restarts else loop.chatter,
-        )
-        cut = (moved.touchdowns > 0) & restarts
-        fell = moved.outcome != Outcome.WALKING
-        time = jnp.where(over, time, time + moved.elapsed)
-        in_a_row = jnp.where(cut, in_a_row + moved.touchdowns, 0)
-        return (moved.x, time, wanted, in_a_row, over | fell | (time >= seconds)), None
+    def control(x, memory, key):
+        wanted_before, time = memory
+        wanted = loop.controller(x)
+        held = jnp.where(disturbance.delay, wanted_before, wanted)
+        noise = disturbance.noise * jax.random.normal(key, wanted.shape, x.dtype)
+        return held + noise, (wanted, time)
 
-    begin = (x0, zero, loop.controller(x0), count, jnp.zeros((), bool))
-    (_, time, _, _, _), _ = lax.scan(step, begin, jax.random.split(key, num_steps))
+    def observe(step, memory):
+        wanted, _ = memory
+        return (wanted, step.time), None, step.fell | step.time_is_up(seconds, sampling)
+
+    num_steps = sampling.num_steps(seconds)
+    (_, time), _, _ = sampled_walk(
+        plant,
+        sampling,
+        control,
+        x0,
+        observe,
+        num_steps,
+        memory=(loop.controller(x0), jnp.zeros((), y.dtype)),
+        inputs=jax.random.split(key, num_steps),
+    )
     return time

@@ -9,8 +9,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from coachable.envs.walking_task import Clock
 from coachable.plants.plant import Plant
+from coachable.plants.sampled import Clock
 from coachable.verification.gait.closed_loop import ClosedLoop
 from coachable.verification.labels import control_unit
 from coachable.verification.robustness.disturbance import Disturbance, seconds_up, undisturbed
