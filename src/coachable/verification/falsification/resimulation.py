@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from jaxtyping import Float
@@ -161,14 +162,18 @@ def _until_event(
         found: list[tuple[float, int]] = []  # a fall is number −1, and comes first where times are equal
         for number, (event, guard) in enumerate(zip(plant.events, guards, strict=True)):
             if guard[k] > 0 >= guard[k + 1]:
-                root = brentq(lambda t, event=event: event.guard(at(t)), times[k], times[k + 1], xtol=1e-15)
+                root = _root(lambda t, event=event: event.guard(at(t)), times[k], times[k + 1], xtol=1e-15)
                 if event.admissible(at(root)):
-                    found.append((float(root), number))
+                    found.append((root, number))
         if margin[k + 1] <= 0:
             inside = margin[k] > 0
-            root = brentq(lambda t: plant.fall_margin(at(t)), times[k], times[k + 1]) if inside else times[k]
+            root = _root(lambda t: plant.fall_margin(at(t)), times[k], times[k + 1]) if inside else times[k]
             found.append((float(root), -1))
         if found:
             time, number = min(found)
             return at(time), time, plant.events[number] if number >= 0 else None, number < 0
     return walk.y[:, -1], duration, None, False
+
+
+def _root(function: Callable[[float], float], low: float, high: float, xtol: float = 2e-12) -> float:
+    return cast(float, brentq(function, low, high, xtol=xtol))

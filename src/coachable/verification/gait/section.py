@@ -81,7 +81,8 @@ def linearised(
     Arguments: refinement, into how many each of the replay's integration steps is cut, 1 or 2.
     """
     taken = stride(loop, loop.plant.from_section(y))
-    if len(loop.plant.events) > 1:
+    touchdown, *others = loop.plant.events
+    if others:
         # The fixed steps of the replay would pass the other events by.
         finer = replace(loop, num_substeps=2 * loop.num_substeps)
         jacobian = lax.cond(
@@ -89,7 +90,6 @@ def linearised(
         )
         return taken, jnp.where(taken.landed, jacobian, jnp.nan)
     num_substeps = loop.num_substeps * refinement
-    touchdown = loop.plant.events[0]
 
     def replayed(y):
         x = lax.fori_loop(0, taken.num_samples - 1, lambda _, x: held(x), loop.plant.from_section(y))
