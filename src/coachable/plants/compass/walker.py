@@ -9,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from coachable.foundation.errors import ParameterError
+from coachable.foundation.suggestion import suggestion
 from coachable.plants.compass.disturbances import DISTURBANCES, on_slope
 from coachable.plants.compass.equations import equations
 from coachable.plants.compass.impact_algebra import impact_algebra
@@ -21,6 +23,8 @@ from coachable.plants.equations import Equations
 from coachable.plants.impact_algebra import ImpactAlgebra
 from coachable.plants.plant import Controller, Dynamics, Event, Plant
 from coachable.plants.restated import Restated
+
+_BEHAVIOURS = {"paper": "compass-walking", "released-code": "compass-walking-released"}
 
 WALKING_TORQUE = (-1.35, -0.18)
 """A constant torque (ankle, hip) with which the paper's walker walks [N m]."""
@@ -61,10 +65,16 @@ class CompassWalker(Plant):
 
         **Raises:** `ParameterError` for another semantics.
         """
-        if semantics == "released-code":
-            return CompassWalker(self.parameters, backward_passing_counts=True)
-        Plant.under(self, semantics)
-        return self
+        if semantics not in _BEHAVIOURS:
+            raise ParameterError(
+                f"{self.name} has no {semantics!r} semantics; {suggestion(semantics, _BEHAVIOURS)}"
+            )
+        return CompassWalker(self.parameters, backward_passing_counts=semantics == "released-code")
+
+    def behaviour_under(self, semantics: str) -> str:
+        """Return the name of compass walking as the semantics has it."""
+        self.under(semantics)
+        return _BEHAVIOURS[semantics]
 
     @property
     def events(self) -> tuple[Event, ...]:

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
-from coachable.experiments.plan import IMPLIED
+from coachable.envs.baselines import controller_of
 from coachable.experiments.run_folder.reader import Run, Which
-from coachable.foundation.errors import ParameterError
 from coachable.foundation.files import hash_of, read_bytes
-from coachable.foundation.suggestion import suggestion
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
 from coachable.plants.named import plant_class
 from coachable.plants.plant import Controller, Plant
@@ -75,18 +73,16 @@ def baseline_subject(
 ) -> Subject:
     """One of a plant's written controllers, its control sampled and held.
 
-    **Arguments:** `plant`, as the paper has it; `behaviour`, what it is to follow, by default the semantics'
-    compass walking.
+    **Arguments:** `plant`, as the paper has it; `behaviour`, what it is to follow, by default its own
+    under the semantics.
 
     **Raises:** `ParameterError` for an unknown controller, and for semantics that the plant does not have.
     """
     plant = plant.under(semantics)
-    controllers = plant.controllers()
-    if name not in controllers:
-        raise ParameterError(f"unknown controller {name!r}; {suggestion(name, list(controllers))}")
+    controller = controller_of(plant, name)
     return Subject(
         walker=Walker(name, None, None, None, None, semantics, clock),
-        controller=controllers[name],
+        controller=controller,
         plant=plant,
-        behaviour=behaviour or load_behaviour(IMPLIED[semantics]["behaviour"]),
+        behaviour=behaviour or load_behaviour(plant.behaviour_under(semantics)),
     )
