@@ -36,9 +36,9 @@ if TYPE_CHECKING:
     from coachable.learning.policy import Policy as Policy
     from coachable.plants.compass import CompassParameters as CompassParameters
     from coachable.plants.compass import CompassWalker as CompassWalker
+    from coachable.plants.compass import VirtualGravity as VirtualGravity
     from coachable.plants.controllers import ConstantTorque as ConstantTorque
     from coachable.plants.controllers import NoTorque as NoTorque
-    from coachable.plants.controllers import VirtualGravity as VirtualGravity
     from coachable.rewards.described_reward import DescribedReward as DescribedReward
     from coachable.rewards.setup import RewardSetup as RewardSetup
 

@@ -23,7 +23,7 @@ def by_hand(task, controller):
 
 
 @pytest.mark.parametrize(
-    ("controller", "falls"), [(NoTorque(), True), (ConstantTorque((-1.35, -0.18)), False)]
+    ("controller", "falls"), [(NoTorque(2), True), (ConstantTorque((-1.35, -0.18)), False)]
 )
 @pytest.mark.parametrize("clock", ["free", "touchdown"])
 @pytest.mark.parametrize("semantics", ["paper", "released-code"])
@@ -63,6 +63,6 @@ def test_a_rollout_is_the_task_stepped_by_hand(controller, falls, clock, semanti
 def test_a_rollout_may_start_anywhere_and_stop_early():
     task = make_task(PAPER_SETUPS["orthant"])
     state, _ = task.step(task.init(), jnp.array([-1.0, -0.5]))
-    episode = jax.jit(lambda state: rollout(task, NoTorque(), state, num_steps=5))(state)
+    episode = jax.jit(lambda state: rollout(task, NoTorque(2), state, num_steps=5))(state)
     assert episode.timesteps.time.shape == (5,)
     np.testing.assert_allclose(episode.timesteps.time[0], 0.02)

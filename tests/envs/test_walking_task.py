@@ -137,7 +137,7 @@ def falling_step(semantics):
     before = eqx.tree_at(
         lambda s: (s.x, s.observation, s.foot_x, s.hip_x, s.num_steps),
         task.init(),
-        (x, x, foot_x, task.plant.hip(x, foot_x)[0], jnp.asarray(9, jnp.int32)),
+        (x, x, foot_x, task.plant.base(x, foot_x)[0], jnp.asarray(9, jnp.int32)),
     )
     return (task, before, *eqx.filter_jit(task.step)(before, jnp.array([-1.0, -0.5])))
 
@@ -145,7 +145,7 @@ def falling_step(semantics):
 def test_a_fall_in_the_paper_ends_on_the_ground_and_pays_no_distance():
     task, _, state, timestep = falling_step(PAPER)
     assert timestep.fell
-    np.testing.assert_allclose(task.plant.hip(state.x, state.foot_x)[1], 0, atol=1e-12)
+    np.testing.assert_allclose(task.plant.base(state.x, state.foot_x)[1], 0, atol=1e-12)
     assert timestep.terms[TERM_NAMES.index("fall")] == 1
     assert timestep.terms[TERM_NAMES.index("distance")] == 0
 

@@ -5,13 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coachable.envs.walking_task import ACTION_BOX
 from coachable.experiments import survival
 from coachable.experiments.plan import load_plan, parse_plan
 from coachable.experiments.trainers import compiled
 from coachable.experiments.trainers.lane_batch import LaneBatch
+from coachable.plants.compass import CompassWalker
 
-LOW, HIGH = (np.array(torques) for torques in ACTION_BOX)
+LOW, HIGH = (np.array(torques) for torques in CompassWalker.action_box)
 
 
 @pytest.fixture(scope="module")

@@ -236,7 +236,7 @@ def test_kinematics_are_those_of_the_point_masses(parameters):
     walker = CompassWalker(parameters)
     foot_x = jnp.array(1.7)
     for x in random_states(9, num=5):
-        hip = walker.hip(x, foot_x)
+        hip = walker.base(x, foot_x)
         expected = positions(parameters, x[:2])
         np.testing.assert_allclose(hip, expected[1] + jnp.array([foot_x, 0.0]), atol=1e-12)
         leg = parameters.leg_length / parameters.b * (expected[2] - expected[1])

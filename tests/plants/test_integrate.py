@@ -17,7 +17,8 @@ from coachable.plants import (
     ChatterRule,
     CompassWalker,
     ConstantTorque,
-    HybridSystem,
+    Dynamics,
+    Event,
     Outcome,
     VirtualGravity,
     rk4,
@@ -40,7 +41,7 @@ def walk(controller, num_steps, x=None, plant=None, **options):
     def step(carry, _):
         x, foot_x = carry
         moved = advance(plant, x, foot_x, controller(x), 0.01, **options)
-        return (moved.x, moved.foot_x), (moved.x, plant.hip(moved.x, moved.foot_x)[0], moved.outcome)
+        return (moved.x, moved.foot_x), (moved.x, plant.base(moved.x, moved.foot_x)[0], moved.outcome)
 
     return jax.jit(lambda x: lax.scan(step, (x, jnp.zeros((), x.dtype)), length=num_steps)[1])(x)
 
@@ -81,15 +82,25 @@ def test_order_is_four_also_through_touchdowns(x64, seconds, touchdowns):
     assert order == pytest.approx(4, abs=0.3)
 
 
-class RimlessWheel(HybridSystem):
+def touchdown_of(plant):
+    return Event(
+        name="touchdown",
+        guard=plant.guard,
+        admissible=plant.can_touch_down,
+        reset=plant.impact,
+        displacement=plant.step_length,
+    )
+
+
+class RimlessWheel(Dynamics):
     """Spokes an angle 2α apart roll down a slope γ. State: the stance spoke's angle and its rate."""
 
     half_angle: float = eqx.field(static=True, default=0.3)
     slope: float = eqx.field(static=True, default=0.08)
 
     @property
-    def can_bounce(self):
-        return True
+    def events(self):
+        return (touchdown_of(self),)
 
     def flow(self, x, control):
         return jnp.stack([x[1], 9.81 * jnp.sin(x[0])])
@@ -156,12 +167,12 @@ class TestRimlessWheel:
         np.testing.assert_allclose(moved.foot_x, 5 * one.foot_x)
 
 
-class Ball(HybridSystem):
+class Ball(Dynamics):
     """Bounces on the ground and loses half its speed each time. State: height and velocity."""
 
     @property
-    def can_bounce(self):
-        return True
+    def events(self):
+        return (touchdown_of(self),)
 
     def flow(self, x, control):
         return jnp.stack([x[1], jnp.full_like(x[0], -9.81) + control[0]])
@@ -255,7 +266,7 @@ def test_a_fall_ends_with_the_hip_on_the_ground(x64):
     moved = advance(plant, x, jnp.array(0.7), jnp.zeros(2), 0.01)
     assert moved.outcome == Outcome.FELL
     assert 0 < moved.elapsed < 0.01
-    np.testing.assert_allclose(plant.hip(moved.x, moved.foot_x)[1], 0, atol=1e-12)
+    np.testing.assert_allclose(plant.base(moved.x, moved.foot_x)[1], 0, atol=1e-12)
     np.testing.assert_array_equal(moved.segment_x, x)
     assert advance(plant, moved.x, moved.foot_x, jnp.zeros(2), 0.01).outcome == Outcome.FELL
 
@@ -332,30 +343,18 @@ def test_vectorised_walkers_walk_like_single_ones(x64):
     assert together.outcome.tolist() == [0, 0, 1, 0, 3]
 
 
-class ClosedLoop(HybridSystem):
+class ClosedLoop(Dynamics):
     """The walker with a controller that acts at every instant, not at samples."""
 
     plant: CompassWalker
     controller: VirtualGravity
 
-    @property
-    def can_bounce(self):
-        return True
-
     def flow(self, x, control):
         return self.plant.flow(x, self.controller(x))
 
-    def guard(self, x):
-        return self.plant.guard(x)
-
-    def can_touch_down(self, x):
-        return self.plant.can_touch_down(x)
-
-    def impact(self, x):
-        return self.plant.impact(x)
-
-    def step_length(self, x):
-        return self.plant.step_length(x)
+    @property
+    def events(self):
+        return self.plant.events
 
     def fall_margin(self, x):
         return self.plant.fall_margin(x)

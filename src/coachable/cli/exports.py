@@ -129,22 +129,16 @@ def _behaviour(
     clock: Clock | None,
 ) -> Model:
     from coachable.behaviours.library import load_behaviour
-    from coachable.envs.baselines import WALKING_TORQUE
-    from coachable.plants.compass import CompassWalker
-    from coachable.plants.controllers import ConstantTorque, NoTorque, VirtualGravity
+    from coachable.plants.named import plant_class
     from coachable.verification.export.model import Model
 
-    behaviour = load_behaviour(name)
+    behaviour, plant = load_behaviour(name), plant_class("compass")()
     if baseline is None:
         if clock is not None:
             raise CoachableError("free inputs are not sampled; give a --baseline, or leave out --clock")
-        return Model(f"{behaviour.name}, free inputs", behaviour, None)
-    controller = {
-        "virtual-gravity": VirtualGravity(CompassWalker()),
-        "constant-torque": ConstantTorque(WALKING_TORQUE),
-        "none": NoTorque(),
-    }[baseline]
-    return Model(f"{behaviour.name}, {baseline}", behaviour, controller, clock=clock or "free")
+        return Model(f"{behaviour.name}, free inputs", behaviour, None, plant)
+    controller = plant.controllers()[baseline]
+    return Model(f"{behaviour.name}, {baseline}", behaviour, controller, plant, clock or "free")
 
 
 def _keymaerax(model: Model) -> str:

@@ -11,14 +11,15 @@ import gymnasium
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.behaviour_reward import BehaviourReward
-from coachable.envs.gymnasium_env import CompassWalkerEnv
+from coachable.envs.gymnasium_env import PlantEnv
 from coachable.envs.own_reward import OwnReward
 from coachable.envs.signals.reading import SignalFunction
 from coachable.envs.squashing import Squashing
 from coachable.envs.walking_task import Clock, WalkingTask, make_task
 from coachable.foundation.errors import MissingExtraError, PlanError
 from coachable.foundation.suggestion import suggestion
-from coachable.plants.compass import STATE_NAMES, CompassParameters
+from coachable.plants.named import name_of
+from coachable.plants.plant import Plant
 from coachable.rewards.phase_reward import Variant
 from coachable.rewards.reward_hash import hash_of_paid, reward_hash
 from coachable.rewards.setup import DescribedSetup, RewardSetup, Semantics
@@ -74,7 +75,8 @@ class PlantProblem(Problem):
     setup_type: ClassVar[type[Setup]] = RewardSetup
 
     behaviour: Behaviour
-    plant: CompassParameters = field(default_factory=CompassParameters)
+    plant: Plant
+    """As the paper has it; `semantics` may change it."""
     semantics: Semantics = "paper"
     """`paper` (what the paper means) or `released-code` (what its code does)."""
     reward_variant: Variant = "stay"
@@ -84,16 +86,17 @@ class PlantProblem(Problem):
 
     def __post_init__(self) -> None:
         for signal in self.behaviour.signal_names:
-            if signal not in STATE_NAMES:
+            if signal not in self.plant.state_names:
                 raise PlanError(
-                    f"behaviour {self.behaviour.name!r}: the compass walker has no signal {signal!r}; "
-                    + suggestion(signal, STATE_NAMES)
+                    f"behaviour {self.behaviour.name!r}: {self.plant.name} has no signal {signal!r}; "
+                    + suggestion(signal, self.plant.state_names)
                 )
+        self.plant.under(self.semantics)
 
     @property
     def robot(self) -> str:
         """The plant's name."""
-        return "compass walker"
+        return self.plant.name
 
     @property
     def distance(self) -> str:
@@ -107,28 +110,28 @@ class PlantProblem(Problem):
             self.semantics,
             self.reward_variant,
             self.clock,
-            self.plant,
-            self.behaviour,
+            behaviour=self.behaviour,
+            plant=self.plant,
             squashing=squashing,
             **options,
         )
 
     def environment(
         self, setup: RewardSetup, render_mode: str | None = None, shared_evaluation_every: int = 0
-    ) -> CompassWalkerEnv:
+    ) -> PlantEnv:
         """The task as a Gymnasium environment; `shared_evaluation_every` as in `make_task`."""
-        return CompassWalkerEnv(
+        return PlantEnv(
             setup,
             self.semantics,
             self.reward_variant,
             self.clock,
-            self.plant,
-            self.behaviour,
+            behaviour=self.behaviour,
+            plant=self.plant,
             shared_evaluation_every=shared_evaluation_every,
             render_mode=render_mode,
         )
 
-    def training_environment(self, setup: RewardSetup, evaluate_every: int) -> CompassWalkerEnv:
+    def training_environment(self, setup: RewardSetup, evaluate_every: int) -> PlantEnv:
         """In `released-code` the evaluations move the walker that is trained."""
         released = self.semantics == "released-code"
         return self.environment(setup, shared_evaluation_every=evaluate_every if released else 0)
@@ -136,7 +139,7 @@ class PlantProblem(Problem):
     @property
     def policy_description(self) -> dict[str, Any]:
         """The state's names, and the clock that the policy is sampled by."""
-        return {"observation_names": STATE_NAMES, "clock": self.clock}
+        return {"observation_names": self.plant.state_names, "clock": self.clock}
 
     def reward_hash(self, setup: RewardSetup) -> str:
         """SHA-256 of what the setup pays."""
@@ -148,7 +151,7 @@ class PlantProblem(Problem):
             "semantics": self.semantics,
             "reward_variant": self.reward_variant,
             "clock": self.clock,
-            "plant": asdict(self.plant),
+            "plant": {"kind": name_of(type(self.plant)), **asdict(self.plant.parameters)},
         }
 
 

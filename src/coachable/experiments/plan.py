@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module, resources
 from pathlib import Path
@@ -22,21 +23,18 @@ from coachable.foundation.errors import CoachableError, ParameterError, PlanErro
 from coachable.foundation.files import read_text
 from coachable.foundation.suggestion import suggestion
 from coachable.learning.config import PPOConfig
-from coachable.plants.compass import CompassParameters
+from coachable.plants.named import parameters_type, plant_class
 from coachable.rewards.phase_reward import VARIANTS
 from coachable.rewards.setup import PAPER_SETUPS, DescribedSetup, RewardSetup
 
-IMPLIED = {
-    "paper": {"reward_variant": "stay", "behaviour": "compass-walking"},
-    "released-code": {"reward_variant": "released", "behaviour": "compass-walking-released"},
-}
-"""What a semantics brings along unless something else is given."""
+_VARIANTS = {"paper": "stay", "released-code": "released"}
+"""The reward variant that a semantics brings along unless one is given."""
 
 COMPASS_WALKER = "coachable/CompassWalker-v0"
 """The environment's id that stands for our plant."""
 
 _CHOICES = {
-    "semantics": tuple(IMPLIED),
+    "semantics": tuple(_VARIANTS),
     "reward_variant": VARIANTS,
     "clock": ("free", "touchdown"),
 }
@@ -141,9 +139,12 @@ def parse_plan(
 def with_options(experiment: Experiment, **options: Any) -> Experiment:
     """An experiment with options on top of it, as in `load_plan`."""
     data = experiment.to_data()
-    if isinstance(experiment.problem, PlantProblem):
-        implied = IMPLIED[experiment.problem.semantics].items()
-        data = {key: value for key, value in data.items() if (key, value) not in implied}
+    if isinstance(problem := experiment.problem, PlantProblem):
+        # What the semantics brought along, another semantics replaces.
+        brought = {"reward_variant": _VARIANTS[problem.semantics]}
+        with suppress(ParameterError):
+            brought["behaviour"] = problem.plant.behaviour_under(problem.semantics)
+        data = {key: value for key, value in data.items() if (key, value) not in brought.items()}
     if options.get("trainer") not in (None, experiment.trainer.name):
         data = {key: value for key, value in data.items() if key not in experiment.trainer.to_data()}
     return resolve((f"experiment {experiment.name!r}", data), _options(options))
@@ -225,15 +226,18 @@ def _plant_problem(
         if key in given and given[key] not in choices:
             raise PlanError(f"{sources}: {key} = {given[key]!r}: {suggestion(str(given[key]), choices)}")
     semantics = given.get("semantics", "paper")
-    implied = {**IMPLIED[semantics], **given}
-    plant = structure_given(CompassParameters, given.get("plant", {}), sources, PlanError, "plant")
+    table = dict(given.get("plant", {}))
+    kind = plant_class(table.pop("kind", "compass"))
+    numbers = structure_given(parameters_type(kind), table, sources, PlanError, "plant")
+    plant = kind(parameters_type(kind)(**numbers))
+    described_by = given.get("behaviour") or plant.behaviour_under(semantics)
     return PlantProblem(
-        behaviour=described or load_behaviour(implied["behaviour"]),
-        plant=CompassParameters(**plant),
+        behaviour=described or load_behaviour(described_by),
+        plant=plant,
         semantics=semantics,
-        reward_variant=implied["reward_variant"],
+        reward_variant=given.get("reward_variant", _VARIANTS[semantics]),
         clock=given.get("clock", "free"),
-    ), implied["behaviour"]
+    ), described_by
 
 
 def _environment_problem(

@@ -14,13 +14,10 @@ from coachable.envs.problem import PlantProblem
 from coachable.envs.rollout import Trajectory, rollout, summary
 from coachable.envs.walking_task import NO_BOX
 from coachable.experiments.experiment import Experiment
-from coachable.experiments.run_folder.reader import BASELINE
 from coachable.experiments.run_folder.schemas import schemas
 from coachable.experiments.run_folder.writer import RunFolder
 from coachable.experiments.trainers.trainer import TrainedLanes
 from coachable.foundation.tables import table_of
-from coachable.plants.compass import STATE_NAMES
-from coachable.plants.controllers import VirtualGravity
 from coachable.rewards.setup import TERM_NAMES
 
 
@@ -34,12 +31,12 @@ def roll_out_baseline(experiment: Experiment) -> tuple[dict[str, Any], Trajector
         return None
     with jax.enable_x64(True):
         task = problem.task(experiment.reward_setups[0], box=NO_BOX)
-        controller = VirtualGravity(task.plant, released=problem.semantics == "released-code")
+        name, controller = next(iter(task.plant.controllers().items()))
         episode = jax.jit(lambda: rollout(task, controller))()
         numbers = summary(task, episode)
         terms = np.asarray(numbers.terms)
         return {
-            "controller": BASELINE,
+            "controller": name,
             "hip_x": float(numbers.hip_x),
             "foot_x": float(numbers.foot_x),
             "length": int(numbers.length),
@@ -88,19 +85,19 @@ def write_trajectories(folder: RunFolder, experiment: Experiment, lanes: Sequenc
         for (lane, which), trajectory in some.trajectories().items()
     ]
     if (baseline := roll_out_baseline(experiment)) is not None:
-        rows.append(_rows(BASELINE, "baseline", baseline[1]))
+        rows.append(_rows(baseline[0]["controller"], "baseline", baseline[1]))
     columns = {name: np.concatenate([row[name] for row in rows]) for name in schema.names}
     folder.write_table("trajectories", table_of(schema, columns))
 
 
 def _rows(lane: str, which: str, trajectory: Trajectory) -> dict[str, np.ndarray]:
     length = len(trajectory.time)
-    names = (*STATE_NAMES, "u1", "u2", "foot_x")
+    columns = {**trajectory.states, **trajectory.controls, "foot_x": trajectory.foot_x}
     return {
         "lane": np.full(length, lane),
         "which": np.full(length, which),
         "t": trajectory.time.astype(np.float32),
         "phase": trajectory.phase.astype(np.int8),
-        **{name: getattr(trajectory, name).astype(np.float32) for name in names},
+        **{name: column.astype(np.float32) for name, column in columns.items()},
         **{name: trajectory.terms[name].astype(np.float32) for name in TERM_NAMES},
     }

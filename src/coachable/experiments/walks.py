@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
-from coachable.envs.baselines import ControllerName, baseline
+from coachable.envs.baselines import baseline
 from coachable.experiments.api import rollout
 from coachable.experiments.experiment import Which
 from coachable.experiments.plan import IMPLIED
@@ -29,7 +29,7 @@ class WalkToShow:
     parameters: CompassParameters
 
 
-def walk_of_baseline(name: ControllerName, semantics: Semantics, seconds: float) -> WalkToShow:
+def walk_of_baseline(name: str, semantics: Semantics, seconds: float) -> WalkToShow:
     """A baseline's walk, in float64."""
     report = baseline(name, semantics, seconds=seconds)
     behaviour = load_behaviour(IMPLIED[semantics]["behaviour"])

@@ -1,6 +1,9 @@
-"""Integrate through touchdowns and falls: smooth segments, each ended where a guard falls through zero."""
+"""Integrate through events and falls: smooth segments, each ended where a guard falls through zero."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -9,14 +12,16 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from coachable.plants.outcome import Outcome
-from coachable.plants.plant import HybridSystem
+from coachable.plants.plant import Dynamics
 from coachable.plants.runge_kutta import rk4
+
+Tree = TypeVar("Tree")
 
 NUM_POLISHINGS = 2
 """Newton steps for an event's time. The parabola that they start from is off by some 1e-5 of a step."""
 
 MAX_TOUCHDOWNS = 64
-"""So many touchdowns in one control step are chatter under any rule: they may pile up without end."""
+"""So many touchdowns, or other events, in one control step are chatter: they may pile up without end."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +49,10 @@ class Progress(eqx.Module):
     """When the walker is at `x`."""
     substep: Int[Array, ""]
     """How many substeps are complete."""
-    on_guard: Bool[Array, ""]
-    """Whether x is on the guard, right after an impact, whatever rounding says."""
+    on_guard: tuple[Bool[Array, ""], ...]
+    """Of each event whether x is on its guard, right after a reset, whatever rounding says."""
+    others: Int[Array, ""] | None
+    """Events so far that were no touchdowns; `None` where the plant has none of that kind."""
     touchdowns: Int[Array, ""]
     first_touchdown: Float[Array, ""]
     last_touchdown: Float[Array, ""]
@@ -54,7 +61,9 @@ class Progress(eqx.Module):
     segment_foot_x: Float[Array, ""]
 
 
-def standing_at(x: Float[Array, " state"], foot_x: Float[Array, ""], done: Bool[Array, ""]) -> Progress:
+def standing_at(
+    plant: Dynamics, x: Float[Array, " state"], foot_x: Float[Array, ""], done: Bool[Array, ""]
+) -> Progress:
     """Return the progress of a control step that has just begun at x, or is all done there."""
     zero, count, no = jnp.zeros((), x.dtype), jnp.zeros((), jnp.int32), jnp.zeros((), bool)
     return Progress(
@@ -64,7 +73,8 @@ def standing_at(x: Float[Array, " state"], foot_x: Float[Array, ""], done: Bool[
         outcome=count,
         time=zero,
         substep=count,
-        on_guard=no,
+        on_guard=(no,) * len(plant.events),
+        others=None if all(event.restarts_clock for event in plant.events) else count,
         touchdowns=count,
         first_touchdown=zero,
         last_touchdown=zero + jnp.nan,
@@ -74,7 +84,7 @@ def standing_at(x: Float[Array, " state"], foot_x: Float[Array, ""], done: Bool[
 
 
 def integrate_through_events(
-    plant: HybridSystem,
+    plant: Dynamics,
     start: Progress,
     control: Float[Array, " control"],
     duration: float,
@@ -88,14 +98,17 @@ def integrate_through_events(
     Every pass of the loop is one smooth segment: a Runge–Kutta trial to the end of the substep and, if that
     crosses an event, one that ends there. The event's time τ is where a parabola, through the guard's value
     and slope at the start and its value at the trial's end, falls through zero, polished by Newton steps
-    τ ← τ − g / ġ on the Runge–Kutta solution itself. At a touchdown the impact is applied, and the rest of
-    the substep is the next pass.
+    τ ← τ − g / ġ on the Runge–Kutta solution itself. Of several events the earliest happens. Its reset map is
+    applied, and the rest of the substep is the next pass.
     """
 
-    def slopes(x: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """(value, time derivative) of the guard and of the fall margin."""
+    events = plant.events
+
+    def slopes(x: Array) -> list[tuple[Array, Array]]:
+        """(value, time derivative) of each event's guard and, last, of the fall margin."""
         velocity = plant.flow(x, control)
-        return jax.jvp(plant.guard, (x,), (velocity,)), jax.jvp(plant.fall_margin, (x,), (velocity,))
+        functions = (*(event.guard for event in events), plant.fall_margin)
+        return [jax.jvp(function, (x,), (velocity,)) for function in functions]
 
     def segment(now: Progress) -> Progress:
         substep_end = (now.substep + 1).astype(now.x.dtype) * (duration / num_substeps)
@@ -103,37 +116,58 @@ def integrate_through_events(
         x_end = rk4(plant.flow, now.x, control, h)
         finite = jnp.all(jnp.isfinite(x_end))
 
-        (guard, guard_slope), (margin, margin_slope) = slopes(now.x)
-        guard_end, margin_end = plant.guard(x_end), plant.fall_margin(x_end)
-        # A guard that is zero, as after an impact, can only fall through zero again if it rises first.
-        guard = jnp.where(now.on_guard, 0, guard)
-        armed = (guard > 0) | (now.on_guard & (guard_slope > 0) & plant.can_bounce)
-        armed &= plant.can_touch_down(x_end) | plant.can_touch_down(now.x)
-        comes_down, falls = armed & (guard_end <= 0), margin_end <= 0
-        touchdown_at = _falling_root(guard, h * guard_slope, guard_end)
+        *guards, (margin, margin_slope) = slopes(now.x)
+        guard_ends = [event.guard(x_end) for event in events]
+        margin_end = plant.fall_margin(x_end)
+        happens, event_at = [], []
+        for event, (guard, slope), guard_end, on_guard in zip(
+            events, guards, guard_ends, now.on_guard, strict=True
+        ):
+            # A guard that is zero, as after a reset, can only fall through zero again if it rises first.
+            guard = jnp.where(on_guard, 0, guard)
+            armed = (guard > 0) | (on_guard & (slope > 0) & event.can_repeat)
+            armed &= event.admissible(x_end) | event.admissible(now.x)
+            happens.append(armed & (guard_end <= 0))
+            event_at.append(_falling_root(guard, h * slope, guard_end))
+        falls = margin_end <= 0
+        jumps, jump_at, which = _earliest(happens, event_at)
         fall_at = _falling_root(jnp.maximum(margin, 0), h * margin_slope, margin_end)
-        falls &= ~comes_down | (fall_at < touchdown_at)
-        event = (comes_down | falls) & finite
-        tau = h * jnp.where(event, jnp.clip(jnp.where(falls, fall_at, touchdown_at), 0, 1), 1)
+        falls &= ~jumps | (fall_at < jump_at)
+        ends = (jumps | falls) & finite
+        tau = h * jnp.where(ends, jnp.clip(jnp.where(falls, fall_at, jump_at), 0, 1), 1)
         # The barriers make XLA compute what stands here once, not again, with its sines, in each of its uses.
-        x_end, tau, event, falls = lax.optimization_barrier((x_end, tau, event, falls))
+        x_end, tau, ends, falls = lax.optimization_barrier((x_end, tau, ends, falls))
         for _ in range(NUM_POLISHINGS):
-            at_touchdown, at_fall = slopes(rk4(plant.flow, now.x, control, tau))
-            value, slope = (jnp.where(falls, *pair) for pair in zip(at_fall, at_touchdown, strict=True))
+            *at_events, at_fall = slopes(rk4(plant.flow, now.x, control, tau))
+            at_event = _chosen(which, at_events, at_fall)
+            value, slope = (jnp.where(falls, *pair) for pair in zip(at_fall, at_event, strict=True))
             polished = jnp.clip(tau - value / jnp.where(slope < 0, slope, -jnp.inf), 0, h)
-            tau = lax.optimization_barrier(jnp.where(event, polished, tau))
+            tau = lax.optimization_barrier(jnp.where(ends, polished, tau))
         x_event = lax.optimization_barrier(rk4(plant.flow, now.x, control, tau))
 
-        fell = event & falls
-        touched = event & ~falls & plant.can_touch_down(x_event)
-        ended_early = fell | touched
+        fell = ends & falls
+        jumped = (
+            ends & ~falls & _chosen(which, [event.admissible(x_event) for event in events], jnp.array(False))
+        )
+        touched = jumped
+        if now.others is not None:
+            touched &= _chosen(which, [jnp.array(event.restarts_clock) for event in events], jnp.array(False))
+        ended_early = fell | jumped
         time = jnp.where(ended_early, now.time + tau, substep_end)
-        x = jnp.where(ended_early, jnp.where(touched, plant.impact(x_event), x_event), x_end)
-        foot_x = now.foot_x + jnp.where(touched, plant.step_length(x_event), 0)
-        on_guard = touched & (jnp.abs(plant.guard(x)) <= jnp.finfo(x.dtype).eps ** 0.5)
+        after = _chosen(which, [event.reset(x_event) for event in events], x_event)
+        x = jnp.where(ended_early, jnp.where(jumped, after, x_event), x_end)
+        moved = _chosen(which, [event.displacement(x_event) for event in events], jnp.zeros_like(now.foot_x))
+        foot_x = now.foot_x + jnp.where(jumped, moved, 0)
+        on_guard = tuple(
+            jumped & (jnp.abs(event.guard(x)) <= jnp.finfo(x.dtype).eps ** 0.5) for event in events
+        )
 
         first_touchdown = jnp.where(touched & (now.touchdowns == 0), time, now.first_touchdown)
         chattered = touched & (now.touchdowns + 1 >= MAX_TOUCHDOWNS)
+        others = now.others
+        if others is not None:
+            others = others + (jumped & ~touched)
+            chattered |= others >= MAX_TOUCHDOWNS
         if chatter.max_touchdowns is not None:
             chattered |= touched & (touchdowns_before + now.touchdowns >= chatter.max_touchdowns)
         if chatter.min_gap is not None:
@@ -151,6 +185,7 @@ def integrate_through_events(
             time=time,
             substep=substep,
             on_guard=on_guard,
+            others=others,
             touchdowns=now.touchdowns + touched,
             first_touchdown=first_touchdown,
             last_touchdown=jnp.where(touched, time, now.last_touchdown),
@@ -159,6 +194,26 @@ def integrate_through_events(
         )
 
     return lax.while_loop(lambda now: ~now.done, segment, start)
+
+
+def _earliest(happens: list[Array], at: list[Array]) -> tuple[Array, Array, Array | int]:
+    """Whether any event happens, where the earliest does, and its number."""
+    if not happens:
+        return jnp.array(False), jnp.array(jnp.inf), 0
+    any_happens, earliest, which = happens[0], at[0], 0
+    for number in range(1, len(happens)):
+        sooner = happens[number] & (~any_happens | (at[number] < earliest))
+        earliest, which = jnp.where(sooner, at[number], earliest), jnp.where(sooner, number, which)
+        any_happens |= happens[number]
+    return any_happens, earliest, which if len(happens) == 1 else lax.optimization_barrier(which)
+
+
+def _chosen(which: Array | int, values: Sequence[Tree], default: Tree) -> Tree:
+    """The value of the event that happens; the default for a plant without events."""
+    chosen = values[0] if values else default
+    for number in range(1, len(values)):
+        chosen = jax.tree.map(partial(jnp.where, which == number), values[number], chosen)
+    return chosen
 
 
 def _falling_root(

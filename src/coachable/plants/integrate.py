@@ -1,4 +1,4 @@
-"""Integrate a hybrid system over one control step: Runge–Kutta, with touchdowns located inside the step."""
+"""Integrate a plant over one control step: Runge–Kutta, with its events located inside the step."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -6,7 +6,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule, integrate_through_events, standing_at
-from coachable.plants.plant import HybridSystem
+from coachable.plants.plant import Dynamics
 from coachable.plants.runge_kutta import rk4
 
 
@@ -32,7 +32,7 @@ class Advance(eqx.Module):
 
 
 def advance(
-    plant: HybridSystem,
+    plant: Dynamics,
     x: Float[Array, " state"],
     foot_x: Float[Array, ""],
     control: Float[Array, " control"],
@@ -43,10 +43,11 @@ def advance(
     touchdowns_before: Int[Array, ""] | int = 0,
     chatter: ChatterRule = PAPER_CHATTER,
 ) -> Advance:
-    """Integrate the plant over one control step, through any touchdowns, with the control held.
+    """Integrate the plant over one control step, through any events, with the control held.
 
-    Most steps are smooth, so they are first run through blindly; only where that crosses a touchdown or a
+    Most steps are smooth, so they are first run through blindly; only where that crosses an event or a
     fall does the search for events do the step again, and then for the whole batch that this is vmapped over.
+    A *touchdown* is an event that `restarts_clock`; the others change the state and nothing else here.
 
     Arguments:
         plant: what is integrated; x: its state; foot_x: where its stance foot stands [m].
@@ -62,7 +63,7 @@ def advance(
     """
     num_substeps = default_substeps(x.dtype) if num_substeps is None else num_substeps
     through, smooth = _run_through(plant, x, control, duration / num_substeps, num_substeps)
-    start = standing_at(jnp.where(smooth, through, x), foot_x, done=smooth)
+    start = standing_at(plant, jnp.where(smooth, through, x), foot_x, done=smooth)
     end = integrate_through_events(
         plant, start, control, duration, num_substeps, stop_at_touchdown, touchdowns_before, chatter
     )
@@ -87,7 +88,7 @@ def default_substeps(dtype: jnp.dtype) -> int:
 
 
 def _run_through(
-    plant: HybridSystem,
+    plant: Dynamics,
     x: Float[Array, " state"],
     control: Float[Array, " control"],
     h: float,
@@ -98,9 +99,11 @@ def _run_through(
     def substep(carry, _):
         x, smooth = carry
         x_end = rk4(plant.flow, x, control, jnp.asarray(h, x.dtype))
-        came_down = (plant.guard(x) > 0) & (plant.guard(x_end) <= 0)
-        came_down &= plant.can_touch_down(x) | plant.can_touch_down(x_end)
-        smooth &= ~came_down & (plant.fall_margin(x_end) > 0) & jnp.all(jnp.isfinite(x_end))
+        for event in plant.events:
+            crossed = (event.guard(x) > 0) & (event.guard(x_end) <= 0)
+            crossed &= event.admissible(x) | event.admissible(x_end)
+            smooth &= ~crossed
+        smooth &= (plant.fall_margin(x_end) > 0) & jnp.all(jnp.isfinite(x_end))
         return (x_end, smooth), None
 
     start = (x, jnp.ones((), bool))

@@ -6,8 +6,7 @@ import pytest
 
 from coachable.behaviours.library import load_behaviour
 from coachable.learning.policy import Policy
-from coachable.plants.compass import STATE_NAMES, CompassWalker
-from coachable.plants.controllers import VirtualGravity
+from coachable.plants.compass import STATE_NAMES, CompassWalker, VirtualGravity
 from coachable.verification.export.model import Model
 
 
@@ -28,11 +27,11 @@ def policy():
 @pytest.fixture(scope="session")
 def models(policy):
     """By what drives them."""
-    walking = load_behaviour("compass-walking")
+    walking, plant = load_behaviour("compass-walking"), CompassWalker()
     return {
-        "bare": Model("compass-walking, free inputs", walking, None),
-        "gravity": Model("compass-walking, virtual-gravity", walking, VirtualGravity(CompassWalker())),
-        "policy": Model("compass-walking, a policy", walking, policy, clock="touchdown"),
+        "bare": Model("compass-walking, free inputs", walking, None, plant),
+        "gravity": Model("compass-walking, virtual-gravity", walking, VirtualGravity(plant), plant),
+        "policy": Model("compass-walking, a policy", walking, policy, plant, clock="touchdown"),
     }
 
 

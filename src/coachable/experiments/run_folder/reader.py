@@ -27,9 +27,6 @@ from coachable.foundation.tables import table_from
 if TYPE_CHECKING:
     from coachable.learning.policy import Policy
 
-BASELINE = "virtual-gravity"
-"""The lane under which the baseline's trajectory is kept."""
-
 
 @dataclass(frozen=True)
 class _Manifest:
@@ -156,7 +153,9 @@ class Run:
 
     def baseline_trajectory(self) -> dict[str, np.ndarray]:
         """The stored episode of the baseline controller, as NumPy arrays by column."""
-        return self._trajectory(BASELINE, "baseline")
+        if self.baseline is None:
+            raise RunFolderError(f"{self.path} has no baseline")
+        return self._trajectory(self.baseline["controller"], "baseline")
 
     def _trajectory(self, lane: str, which: str) -> dict[str, np.ndarray]:
         table = self.table("trajectories")

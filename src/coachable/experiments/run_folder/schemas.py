@@ -8,7 +8,7 @@ from types import MappingProxyType
 import pyarrow as pa
 
 from coachable.envs.problem import PlantProblem, Problem
-from coachable.plants.compass import STATE_NAMES
+from coachable.plants.plant import Plant
 from coachable.rewards.setup import TERM_NAMES
 
 FORMAT_VERSION = 2
@@ -27,10 +27,12 @@ def _columns(*columns: tuple[str, pa.DataType, str]) -> pa.Schema:
 
 _LANE = ("lane", pa.string(), "")
 _TERMS = [(name, pa.float32(), "") for name in TERM_NAMES]
-_STATE_UNITS = ("rad", "rad", "rad/s", "rad/s")
 
-_OF_PLANT: Mapping[str, pa.Schema] = MappingProxyType(
-    {
+
+def _of_plant(plant: Plant) -> dict[str, pa.Schema]:
+    states = zip(plant.state_names, plant.state_units or ("",) * len(plant.state_names), strict=True)
+    controls = zip(plant.control_names, plant.control_units or ("",) * len(plant.control_names), strict=True)
+    return {
         "episodes": _columns(
             _LANE,
             ("end_step", pa.int64(), ""),
@@ -49,20 +51,19 @@ _OF_PLANT: Mapping[str, pa.Schema] = MappingProxyType(
             ("share_in_cycle", pa.float32(), ""),
             *_TERMS,
         ),
-        "survival": _columns(_LANE, ("seconds_up", pa.float32(), "s"), ("perturbed_up", pa.float32(), "")),
         "trajectories": _columns(
             _LANE,
             ("which", pa.string(), ""),
             ("t", pa.float32(), "s"),
-            *((name, pa.float32(), unit) for name, unit in zip(STATE_NAMES, _STATE_UNITS, strict=True)),
-            ("u1", pa.float32(), "N m"),
-            ("u2", pa.float32(), "N m"),
+            *((name, pa.float32(), unit) for name, unit in states),
+            *((name, pa.float32(), unit) for name, unit in controls),
             ("foot_x", pa.float32(), "m"),
             ("phase", pa.int8(), ""),
             *_TERMS,
         ),
+        "survival": _columns(_LANE, ("seconds_up", pa.float32(), "s"), ("perturbed_up", pa.float32(), "")),
     }
-)
+
 
 _PAID = (
     ("return", pa.float32(), ""),
@@ -124,4 +125,4 @@ def schemas(problem: Problem) -> Mapping[str, pa.Schema]:
       the environment's own return, `behaviour` the described reward's with its weight; `distance` is how far
       `x_position` in the infos moved, NaN where there is none.
     """
-    return _OF_PLANT if isinstance(problem, PlantProblem) else _OF_ENVIRONMENT
+    return _of_plant(problem.plant) if isinstance(problem, PlantProblem) else _OF_ENVIRONMENT

@@ -65,7 +65,7 @@ class Tasks:
             weights={
                 s.name: np.asarray(s.weights, evaluation.weights.dtype) for s in experiment.reward_setups
             },
-            starts=perturbed_starts(evaluation, released),
+            starts=perturbed_starts(evaluation),
         )
 
     def weighted(self, task: WalkingTask, lane: Lane) -> WalkingTask:

@@ -21,7 +21,6 @@ from coachable.foundation.errors import RunFolderError
 from coachable.learning.networks import ActorCritic
 from coachable.learning.policy import Policy
 from coachable.learning.ppo import Episodes
-from coachable.plants.compass import STATE_NAMES
 from coachable.rewards.setup import TERM_NAMES
 
 SECONDS_BETWEEN_CHECKPOINTS = 30.0
@@ -229,7 +228,7 @@ def _policy(networks: ActorCritic, task: WalkingTask) -> Policy:
         biases=tuple(bias for _, bias in networks.policy_layers),
         low=jnp.asarray(task.low[0], jnp.float32),
         high=jnp.asarray(task.high[0], jnp.float32),
-        observation_names=STATE_NAMES,
+        observation_names=task.plant.state_names,
         squashing=task.squashing,
         clock=task.clock,
     )

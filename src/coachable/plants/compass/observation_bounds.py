@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from coachable.plants.compass import CompassParameters
+from coachable.plants.compass.parameters import CompassParameters
 
 
 def observation_bounds(

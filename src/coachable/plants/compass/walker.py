@@ -1,88 +1,36 @@
 """The compass walker: two straight legs joined at the hip, a point mass on each and one on the hip."""
 
-import math
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from coachable.foundation.errors import ParameterError
-from coachable.plants.plant import HybridSystem
+from coachable.foundation.suggestion import suggestion
+from coachable.plants.compass.disturbances import DISTURBANCES, on_slope
+from coachable.plants.compass.equations import equations
+from coachable.plants.compass.impact_algebra import impact_algebra
+from coachable.plants.compass.observation_bounds import observation_bounds
+from coachable.plants.compass.parameters import PAPER_PARAMETERS, START, STATE_NAMES, CompassParameters
+from coachable.plants.compass.restated import restated
+from coachable.plants.controllers import ConstantTorque, NoTorque
+from coachable.plants.disturbances import Disturbances
+from coachable.plants.equations import Equations
+from coachable.plants.impact_algebra import ImpactAlgebra
+from coachable.plants.plant import Controller, Dynamics, Event, Plant
+from coachable.plants.restated import Restated
 
-STATE_NAMES = ("theta_1", "theta_2", "dtheta_1", "dtheta_2")
-"""Order of the state: stance leg, swing leg (angles from upright [rad], then angular velocities [rad/s])."""
+_BEHAVIOURS = {"paper": "compass-walking", "released-code": "compass-walking-released"}
 
-START = (0.0, 0.0, -0.4, 2.0)
-"""The paper's initial state x₀: both legs upright, tipping forward, the swing leg swinging forward."""
-
-
-@dataclass(frozen=True)
-class CompassParameters:
-    """Masses, lengths and gravity of a compass walker; the defaults are the paper's.
-
-    Raises `ParameterError` naming the field if a value is not a positive finite number.
-    """
-
-    hip_mass: int | float = 1.0
-    """m_H, point mass at the hip [kg]."""
-    leg_mass: int | float = 0.5
-    """m, point mass on each leg [kg]."""
-    a: int | float = 0.5
-    """Distance from the foot to the leg's mass [m]."""
-    b: int | float = 0.5
-    """Distance from the leg's mass to the hip [m]."""
-    gravity: int | float = 9.807
-    """g, gravitational acceleration [m/s²]; from the code released with the paper, which prints none."""
-
-    def __post_init__(self):
-        for field in fields(self):
-            value = getattr(self, field.name)
-            is_number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not (is_number and math.isfinite(value) and value > 0):
-                raise ParameterError(
-                    f"CompassParameters.{field.name} must be a positive finite number, but it is {value!r}"
-                )
-            object.__setattr__(self, field.name, float(value))
-
-    @property
-    def leg_length(self) -> float:
-        """Distance l = a + b from foot to hip [m]."""
-        return self.a + self.b
-
-    @property
-    def stance_inertia(self) -> float:
-        """Inertia about the stance foot of what the stance leg carries: (m_H + m) l² + m a² [kg m²]."""
-        return (self.hip_mass + self.leg_mass) * self.leg_length**2 + self.leg_mass * self.a**2
-
-    @property
-    def coupling_inertia(self) -> float:
-        """What couples the two legs' accelerations: m b l [kg m²]."""
-        return self.leg_mass * self.b * self.leg_length
-
-    @property
-    def swing_inertia(self) -> float:
-        """Inertia of the swing leg about the hip: m b² [kg m²]."""
-        return self.leg_mass * self.b**2
-
-    @property
-    def stance_weight(self) -> float:
-        """Largest gravity torque on the stance leg: (m_H l + m a + m l) g [N m]."""
-        moment = self.hip_mass * self.leg_length + self.leg_mass * (self.a + self.leg_length)
-        return moment * self.gravity
-
-    @property
-    def swing_weight(self) -> float:
-        """Largest gravity torque on the swing leg: m b g [N m]."""
-        return self.leg_mass * self.b * self.gravity
+WALKING_TORQUE = (-1.35, -0.18)
+"""A constant torque (ankle, hip) with which the paper's walker walks [N m]."""
 
 
-PAPER_PARAMETERS = CompassParameters()
-"""The walker of the paper."""
-
-
-class CompassWalker(HybridSystem):
+class CompassWalker(Plant):
     """The compass walker on flat ground: M(θ) θ̈ + C(θ, θ̇) θ̇ + g(θ) = S u.
 
     Equation (1) of Harnack et al., CDC 2023, with the θ̇ behind C that is missing in print. The hip stands at
@@ -94,6 +42,53 @@ class CompassWalker(HybridSystem):
 
     parameters: CompassParameters = eqx.field(static=True, default=PAPER_PARAMETERS)
     backward_passing_counts: bool = eqx.field(static=True, default=False)
+
+    name = "the compass walker"
+    state_names = STATE_NAMES
+    state_units = ("rad", "rad", "rad/s", "rad/s")
+    control_names = ("u1", "u2")
+    control_units = ("N m", "N m")
+    actuators = ("ankle", "hip")
+    start = START
+    action_box = ((-2.0, -2.0), (0.0, 0.0))
+    """Of the torques (ankle, hip) [N m]; the released code's, the paper has none."""
+    section_names = ("beta", "dtheta_1", "dtheta_2")
+    """Half the angle between the legs [rad], the legs' velocities [rad/s]."""
+    section_units = ("rad", "rad/s", "rad/s")
+    start_box = (0.03, 0.03, 0.04, 0.2)
+    """10 % of 0.3 rad and of x₀'s velocities."""
+    section_box = ((0.1, 0.5), (-2.0, -0.5), (-1.5, 1.5))
+    section_near = (0.015, 0.05, 0.05)
+
+    def under(self, semantics: str) -> "CompassWalker":
+        """Return the paper's walker, or in `released-code` the one whose `backward_passing_counts`.
+
+        **Raises:** `ParameterError` for another semantics.
+        """
+        if semantics not in _BEHAVIOURS:
+            raise ParameterError(
+                f"{self.name} has no {semantics!r} semantics; {suggestion(semantics, _BEHAVIOURS)}"
+            )
+        return CompassWalker(self.parameters, backward_passing_counts=semantics == "released-code")
+
+    def behaviour_under(self, semantics: str) -> str:
+        """Return the name of compass walking as the semantics has it."""
+        self.under(semantics)
+        return _BEHAVIOURS[semantics]
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """The touchdown of the swing foot."""
+        return (
+            Event(
+                name="touchdown",
+                guard=self.guard,
+                admissible=self.can_touch_down,
+                reset=self.impact,
+                displacement=self.step_length,
+                can_repeat=self.can_bounce,
+            ),
+        )
 
     def mass_matrix(self, x: Float[Array, "4"]) -> Float[Array, "2 2"]:
         """Return M(θ) [kg m²]."""
@@ -199,14 +194,14 @@ class CompassWalker(HybridSystem):
         """Return cos θ₁, the hip's height over l: zero when the hip is on the ground."""
         return jnp.cos(x[0])
 
-    def hip(self, x: Float[Array, "4"], foot_x: Float[Array, ""]) -> Float[Array, "2"]:
-        """Return the hip's position (x, y) [m], given where the stance foot is on the ground [m]."""
+    def base(self, x: Float[Array, "4"], foot_x: Float[Array, ""]) -> Float[Array, "2"]:
+        """Return the hip's position (x, z) [m], given where the stance foot is on the ground [m]."""
         theta_1, _, _, _ = x
         l = self.parameters.leg_length  # noqa: E741
         return jnp.stack([foot_x - l * jnp.sin(theta_1), l * jnp.cos(theta_1)])
 
     def swing_foot(self, x: Float[Array, "4"], foot_x: Float[Array, ""]) -> Float[Array, "2"]:
-        """Return the swing foot's position (x, y) [m]; y is negative while the leg scuffs the ground."""
+        """Return the swing foot's position (x, z) [m]; z is negative while the leg scuffs the ground."""
         theta_1, theta_2, _, _ = x
         l = self.parameters.leg_length  # noqa: E741
         return jnp.stack([foot_x + self.step_length(x), l * (jnp.cos(theta_1) - jnp.cos(theta_2))])
@@ -223,19 +218,81 @@ class CompassWalker(HybridSystem):
         potential = p.stance_weight * jnp.cos(theta_1) - p.swing_weight * jnp.cos(theta_2)
         return kinetic, potential
 
-    def signals(self, x: Float[Array, "4"], names: tuple[str, ...]) -> Float[Array, " signals"]:
-        """Return the named coordinates of the state, in the order asked for.
+    def power(self, x: Float[Array, "4"], control: Float[Array, "2"]) -> Float[Array, ""]:
+        """Return |u₁ θ̇₁| + |u₂ (θ̇₁ − θ̇₂)|, braking counted as driving [W]."""
+        ankle, hip = control
+        _, _, dtheta_1, dtheta_2 = x
+        return jnp.abs(ankle * dtheta_1) + jnp.abs(hip * (dtheta_1 - dtheta_2))
 
-        Raises `ParameterError` if the plant has no signal of a name.
-        """
-        for name in names:
-            if name not in STATE_NAMES:
-                raise ParameterError(
-                    f"the compass walker has no signal {name!r}; it has {', '.join(STATE_NAMES)}"
-                )
-        if names == STATE_NAMES:
-            return x
-        return jnp.stack([x[STATE_NAMES.index(name)] for name in names])
+    @property
+    def weight(self) -> float:
+        """(m_H + 2 m) g [N]."""
+        p = self.parameters
+        return (p.hip_mass + 2 * p.leg_mass) * p.gravity
+
+    def to_section(self, x: Float[Array, "4"]) -> Float[Array, "3"]:
+        """Return (β, θ̇₁, θ̇₂) with β = (θ₁ − θ₂) / 2 of a state right after an impact."""
+        return jnp.stack([(x[0] - x[1]) / 2, x[2], x[3]])
+
+    def from_section(self, y: Float[Array, "3"]) -> Float[Array, "4"]:
+        """Return the state θ₁ = β, θ₂ = −β, with both feet on the ground."""
+        beta, dtheta_1, dtheta_2 = y
+        return jnp.stack([beta, -beta, dtheta_1, dtheta_2])
+
+    def on_section(self, x: Float[Array, "4"]) -> Bool[Array, ""]:
+        """Whether both feet are on the ground, the new stance foot ahead of the other one."""
+        return (jnp.abs(x[0] + x[1]) <= jnp.finfo(x.dtype).eps ** 0.5) & (x[0] > 0)
+
+    def pace(self, x: Float[Array, "4"]) -> Float[Array, ""]:
+        """Return 1 / (1 + exp θ̇₁): without pace before the hip has passed the foot the walker falls back."""
+        return jax.nn.sigmoid(-x[2])
+
+    def disturbances(self) -> Disturbances:
+        """Kicks of one or both legs; other masses, lengths and gravity, and a slope."""
+        return DISTURBANCES
+
+    def disturbed(self, changes: Mapping[str, Float[Array, ""]]) -> Dynamics:
+        """The walker with other masses, lengths and gravity, on a slope."""
+        from coachable.plants.compass.disturbed import DisturbedWalker  # which holds a walker
+
+        return DisturbedWalker(self, **changes)
+
+    def placed(self, x: Float[Array, "4"], changes: Mapping[str, Float[Array, ""]]) -> Float[Array, "4"]:
+        """A state with both feet on the ground, turned by its slope."""
+        return on_slope(x, changes["slope"])
+
+    def restated(self) -> Restated | None:
+        """The paper's walker in its matrices; `None` where `backward_passing_counts`."""
+        return None if self.backward_passing_counts else restated(self.parameters)
+
+    def equations(self) -> Equations | None:
+        """The paper's walker as text; `None` where `backward_passing_counts`."""
+        return None if self.backward_passing_counts else equations(self.parameters)
+
+    def impact_algebra(self) -> ImpactAlgebra | None:
+        """Of touchdowns with the feet apart; `None` where `backward_passing_counts`."""
+        if self.backward_passing_counts:
+            return None
+        return impact_algebra(self.velocities_after_impact, self.reduced_inertia)
+
+    def controllers(self) -> Mapping[str, Controller]:
+        """Virtual gravity, the released code's where `backward_passing_counts`; a constant torque; none."""
+        from coachable.plants.compass.virtual_gravity import VirtualGravity  # which holds a walker
+
+        return {
+            "virtual-gravity": VirtualGravity(self, released=self.backward_passing_counts),
+            "constant-torque": ConstantTorque(WALKING_TORQUE),
+            "none": NoTorque(2),
+        }
+
+    def observation_bounds(
+        self,
+        box: tuple[Sequence[float], Sequence[float]],
+        largest_start: Sequence[float],
+        seconds: float,
+    ) -> Float[np.ndarray, "4"]:
+        """Return bounds that no policy can leave; see `observation_bounds.observation_bounds`."""
+        return observation_bounds(self.parameters, box, largest_start, seconds)
 
     def reduced_inertia(self, cos: Any) -> Any:
         """Return det M / (m b²), the stance leg's inertia with the swing leg free; it is positive [kg m²].

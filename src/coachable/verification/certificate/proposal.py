@@ -14,8 +14,8 @@ from jaxtyping import Float
 
 from coachable.verification.certificate.checker import Verdict, check
 from coachable.verification.certificate.file import controller_data, plant_data
+from coachable.verification.gait.closed_loop import ClosedLoop, in_double
 from coachable.verification.gait.orbit import Orbit, fixed_point
-from coachable.verification.gait.section import Loop, in_double
 
 ORDER = 8
 """Of the Taylor polynomials. At order 6 their remainders keep boxes below 1e-6 from being proven."""
@@ -71,7 +71,7 @@ class _TimeIsUp(Exception):
 
 
 def propose(
-    loop: Loop,
+    loop: ClosedLoop,
     orbit: Orbit,
     about: Mapping[str, Any],
     *,
