@@ -20,7 +20,7 @@ from coachable.experiments.walks import WalkToShow
 from coachable.foundation.data import json_text, parse_json, structure
 from coachable.foundation.errors import CoachableError, RunFolderError
 from coachable.foundation.files import read_bytes, write_atomic
-from coachable.plants.named import name_of, parameters_from, plant_class
+from coachable.plants.named import name_of
 from coachable.plants.plant import Plant
 from coachable.verification.falsification.falsify import Counterexample, Falsification
 
