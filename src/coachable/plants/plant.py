@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.plants.controllers import NoTorque
+from coachable.plants.skeleton import Skeleton
 
 Controller = Callable[[Float[Array, " state"]], Float[Array, " control"]]
 """From a state to the control to be applied there."""
@@ -183,3 +184,22 @@ class Plant(Dynamics):
         coordinate of a start; `seconds`, the longest that an episode lasts.
         """
         return np.full(len(self.state_names), np.inf, np.float32)
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """What of the robot is drawn.
+
+        **Raises:** `ParameterError` if the plant does not define it.
+        """
+        raise ParameterError(f"{self.name} does not define its skeleton, so it cannot be drawn")
+
+    def kinematics(
+        self, states: Float[np.ndarray, "*samples state"], foot_x: Float[np.ndarray, "*samples"]
+    ) -> Float[np.ndarray, "*samples points 2"]:
+        """Return (x, z) of the skeleton's points [m], the ground at z = 0.
+
+        **Arguments:** `states`, at one instant or at many; `foot_x`, where the stance foot is [m].
+
+        **Raises:** `ParameterError` if the plant does not define it.
+        """
+        raise ParameterError(f"{self.name} does not define its kinematics, so it cannot be drawn")
