@@ -17,10 +17,11 @@ from coachable.automata.tracker import Tracker
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.text.parser import parse
 from coachable.behaviours.text.printer import to_text
-from coachable.experiments.walks import WalkToShow
+from coachable.drawing.motion import Motion
+from coachable.experiments.walks import TitledMotion
 from coachable.foundation.errors import CoachableError, RunFolderError
 from coachable.foundation.files import read_bytes, write_atomic
-from coachable.plants.compass import STATE_NAMES, CompassParameters
+from coachable.plants.compass import STATE_NAMES, CompassParameters, CompassWalker
 from coachable.verification.falsification.falsify import Counterexample, Falsification
 
 FORMAT_VERSION = 1
@@ -56,8 +57,8 @@ def write_counterexamples(
     return paths
 
 
-def load_counterexample(path: Path) -> WalkToShow:
-    """The walk of a counterexample's file, to be drawn.
+def load_counterexample(path: Path) -> TitledMotion:
+    """The motion of a counterexample's file, to be drawn.
 
     **Raises:** `RunFolderError` if the file is missing, of another version, or damaged.
     """
@@ -72,11 +73,10 @@ def load_counterexample(path: Path) -> WalkToShow:
         walk = {name: np.array(data["walk"][name], float) for name in _COLUMNS}
         if len({len(column) for column in walk.values()}) != 1 or not len(walk["t"]):
             raise RunFolderError(f"{path} is damaged: the columns of its walk are not of one length")
-        return WalkToShow(
+        return TitledMotion(
             title=f"{data['lane']}, counterexample {data['number']}",
-            trajectory=walk | {"phase": walk["phase"].astype(int)},
+            motion=Motion.of(CompassWalker(CompassParameters(**data["plant"])), walk),
             behaviour=parse(data["behaviour"]),
-            parameters=CompassParameters(**data["plant"]),
         )
     except RunFolderError:
         raise
