@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 import coachable.envs  # noqa: F401  registers the environment
 from coachable.behaviours import Behaviour, Comparison, Phase, Signal
 from coachable.drawing.stage import SIZE
-from coachable.envs.gymnasium_env import CompassWalkerEnv
+from coachable.envs.gymnasium_env import PlantEnv
 from coachable.envs.start_distribution import Start
 from coachable.envs.walking_task import make_task
 from coachable.foundation.errors import BehaviourError, MissingExtraError, ParameterError
@@ -27,7 +27,7 @@ SHORT = 1.5
 
 
 def short(*arguments, **options):
-    return CompassWalkerEnv(*arguments, seconds=SHORT, **options)
+    return PlantEnv(*arguments, seconds=SHORT, **options)
 
 
 @pytest.fixture(autouse=True)
@@ -52,7 +52,7 @@ def run(env, actions, **reset):
 
 def test_it_is_made_by_its_name_and_from_a_fresh_import():
     env = gymnasium.make(f"coachable.envs:{ID}")
-    assert isinstance(env.unwrapped, CompassWalkerEnv)
+    assert isinstance(env.unwrapped, PlantEnv)
     assert env.spec is not None
     assert env.spec.id == ID
 
@@ -62,7 +62,7 @@ def test_it_is_made_by_its_name_and_from_a_fresh_import():
 def test_it_is_the_task_to_the_bit(semantics, clock):
     """Over several episodes, under a program of the task's own: a scan over the whole of each."""
     options = {"semantics": semantics, "clock": clock, "seconds": SHORT}
-    env = CompassWalkerEnv("forward+orthant", **options)
+    env = PlantEnv("forward+orthant", **options)
     task = make_task(PAPER_SETUPS["forward+orthant"], **options)
 
     @jax.jit
@@ -231,7 +231,7 @@ class Whirl:
 
 def test_no_adversary_leaves_the_bounds():
     """Nor a tenth of them: they are what motors could do in all of the time if the walker did not fall."""
-    env = CompassWalkerEnv(start_noise=(0.3, 0.5, 1.0, 2.0), start_distribution="uniform")
+    env = PlantEnv(start_noise=(0.3, 0.5, 1.0, 2.0), start_distribution="uniform")
     bounds = env.observation_space.high
     assert np.isfinite(bounds).all()
     largest = np.zeros(4)
@@ -323,14 +323,14 @@ def test_mistakes_are_named():
     with pytest.raises(ResetNeeded):
         env.step(WALKING)
     env.reset()
-    with pytest.raises(InvalidAction, match=r"two torques.*\(3,\)"):
+    with pytest.raises(InvalidAction, match=r"u1, u2.*\(3,\)"):
         env.step(np.zeros(3))
     with pytest.raises(ParameterError, match=r"'orthnt'.*'orthant'"):
-        CompassWalkerEnv("orthnt")
+        PlantEnv("orthnt")
     with pytest.raises(BehaviourError, match="compass-walking"):
-        CompassWalkerEnv(behaviour="compass-walkin")
+        PlantEnv(behaviour="compass-walkin")
     for noise in (-0.1, float("nan"), (0.1, 0.2)):
         with pytest.raises(ParameterError, match=r"start_noise.*theta_1"):
-            CompassWalkerEnv(start_noise=noise)
+            PlantEnv(start_noise=noise)
     with pytest.raises(ParameterError, match="render_mode"):
-        CompassWalkerEnv(render_mode="rgb")
+        PlantEnv(render_mode="rgb")

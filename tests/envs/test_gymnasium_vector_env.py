@@ -8,8 +8,8 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import coachable.envs  # noqa: F401  registers the environment
 from coachable.drawing.stage import SIZE
-from coachable.envs.gymnasium_env import CompassWalkerEnv
-from coachable.envs.gymnasium_vector_env import CompassWalkerVectorEnv
+from coachable.envs.gymnasium_env import PlantEnv
+from coachable.envs.gymnasium_vector_env import PlantVectorEnv
 from coachable.foundation.errors import ParameterError
 
 NUM = 5
@@ -29,7 +29,7 @@ def native(mode=AutoresetMode.NEXT_STEP, **options):
 
 def theirs(mode, **options):
     def one():
-        return CompassWalkerEnv(**(OPTIONS | options))
+        return PlantEnv(**(OPTIONS | options))
 
     return SyncVectorEnv([one] * NUM, autoreset_mode=mode)
 
@@ -172,8 +172,8 @@ def test_mistakes_are_named():
     with pytest.raises(ResetNeeded, match=r"0, 1, 2, 3, 4.*reset_mask"):
         env.step(torques(0, 1)[0])
     with pytest.raises(ParameterError, match="num_envs is 0"):
-        CompassWalkerVectorEnv(0)
+        PlantVectorEnv(0)
     with pytest.raises(ParameterError, match="'SameStep'"):
-        CompassWalkerVectorEnv(2, autoreset_mode="same")
+        PlantVectorEnv(2, autoreset_mode="same")
     with pytest.raises(ParameterError, match="rgb_array"):
-        CompassWalkerVectorEnv(2, render_mode="human")
+        PlantVectorEnv(2, render_mode="human")

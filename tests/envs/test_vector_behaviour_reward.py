@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from coachable.behaviours import Behaviour, Comparison, Dwell, Edge, Phase, Signal
 from coachable.envs.behaviour_reward import BehaviourReward
-from coachable.envs.gymnasium_vector_env import CompassWalkerVectorEnv
+from coachable.envs.gymnasium_vector_env import PlantVectorEnv
 from coachable.envs.vector_behaviour_reward import VectorBehaviourReward
 from coachable.foundation.errors import ParameterError, SignalError
 from coachable.rewards.described_reward import Shaping
@@ -165,7 +165,7 @@ def test_a_native_vector_environment_can_be_wrapped(mode):
         name: lambda env, observations, infos, index=index: observations[:, index]
         for index, name in enumerate(names)
     }
-    base = CompassWalkerVectorEnv(3, autoreset_mode=mode, seconds=0.5, start_noise=0.1)
+    base = PlantVectorEnv(3, autoreset_mode=mode, seconds=0.5, start_noise=0.1)
     env = VectorBehaviourReward(base, "compass-walking", signals, replace=True)
     env.reset(seed=0)
     for _ in range(60):
@@ -198,7 +198,7 @@ def test_mistakes_are_named():
     with pytest.raises(ParameterError, match="autoreset mode"):
         VectorBehaviourReward(silent, pacing(), MANY["info"])
     with pytest.raises(ParameterError, match="does not show its environments"):
-        VectorBehaviourReward(CompassWalkerVectorEnv(2), "compass-walking")
+        VectorBehaviourReward(PlantVectorEnv(2), "compass-walking")
     with pytest.raises(SignalError, match=r"'x' must be 4 numbers, one an environment, but .* \(2,\)"):
         vector({"x": lambda env, observations, infos: observations[0]}).reset()
     env = vector(MANY["info"], AutoresetMode.DISABLED)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from coachable.behaviours import load_behaviour
-from coachable.envs.walking_task import ACTION_BOX
 from coachable.experiments import programs, survival
 from coachable.experiments.lane_batch import Group
 from coachable.experiments.plan import load_plan, parse_plan
 from coachable.foundation.data import types
 from coachable.learning.config import PPOConfig
+from coachable.plants.compass import CompassWalker
 
-LOW, HIGH = (np.array(torques) for torques in ACTION_BOX)
+LOW, HIGH = (np.array(torques) for torques in CompassWalker.action_box)
 
 
 @pytest.fixture(scope="module")

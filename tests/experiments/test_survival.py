@@ -29,7 +29,7 @@ def test_a_walker_is_up_until_it_falls():
 @pytest.mark.parametrize("clock", ["free", "touchdown"])
 def test_the_share_is_that_of_the_starts_taken_one_by_one(clock):
     task = task_of(3.0, clock=clock)
-    starts = perturbed_starts(task, released=False)[:7]
+    starts = perturbed_starts(task)[:7]
     one_by_one = [bool(jax.jit(time_up)(task, WALKING, jnp.asarray(x0))[1]) for x0 in starts]
     assert 0 < sum(one_by_one) < 7
     assert float(share_up(task, WALKING, jnp.asarray(starts))) == pytest.approx(np.mean(one_by_one))
@@ -37,7 +37,7 @@ def test_the_share_is_that_of_the_starts_taken_one_by_one(clock):
 
 def test_the_starts_surround_the_state_after_an_impact_of_the_baseline():
     task = task_of(10.0)
-    starts = perturbed_starts(task, released=False)
+    starts = perturbed_starts(task)
     # The fixed point of continuous virtual gravity; sampling at 100 Hz moves it by some 1e-4.
     after_impact = np.array([0.29917117, -0.29917117, -1.14151641, -0.21486579])
     change = starts / after_impact - 1
@@ -46,4 +46,4 @@ def test_the_starts_surround_the_state_after_an_impact_of_the_baseline():
     assert np.abs(change).max() < LARGEST_CHANGE + 0.005
     assert np.abs(change).max(axis=0) == pytest.approx(LARGEST_CHANGE, abs=0.005)
     assert np.abs(np.corrcoef(change.T) - np.eye(4)).max() < 0.1
-    assert np.array_equal(starts, perturbed_starts(task, released=False))
+    assert np.array_equal(starts, perturbed_starts(task))

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from coachable.envs.squashing import SQUASHINGS
-from coachable.envs.walking_task import ACTION_BOX, make_task
+from coachable.envs.walking_task import make_task
 from coachable.learning import ppo
 from coachable.learning.config import PPOConfig
+from coachable.plants.compass import CompassWalker
 from coachable.rewards.setup import PAPER_SETUPS
 
-LOW, HIGH = (np.array(torques) for torques in ACTION_BOX)
+LOW, HIGH = (np.array(torques) for torques in CompassWalker.action_box)
 CONFIG = PPOConfig(n_steps=256, batch_size=64, n_epochs=2, squashing="tanh")
 
 

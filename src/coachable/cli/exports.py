@@ -128,8 +128,7 @@ def _behaviour(
     clock: Clock | None,
 ) -> Model:
     from coachable.behaviours.library import load_behaviour
-    from coachable.envs.baselines import WALKING_TORQUE
-    from coachable.plants.compass import CompassWalker, VirtualGravity
+    from coachable.plants.compass import WALKING_TORQUE, CompassWalker, VirtualGravity
     from coachable.plants.controllers import ConstantTorque, NoTorque
     from coachable.verification.export.model import Model
 

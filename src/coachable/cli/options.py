@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from tyro.conf import arg
 
 Semantics = Literal["paper", "released-code"]
 ControllerName = Literal["virtual-gravity", "constant-torque", "none"]
+CONTROLLER_NAMES: tuple[ControllerName, ...] = get_args(ControllerName)
 Clock = Literal["free", "touchdown"]
 Which = Literal["last", "best"]
 

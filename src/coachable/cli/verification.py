@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from coachable.cli.options import (
+    CONTROLLER_NAMES,
     Clock,
     ControllerName,
     LaneSeed,
@@ -93,7 +94,6 @@ def verify(
         raise CoachableError(
             "which walker? Give a run folder or a baseline: coachable verify runs/paper --all"
         )
-    from coachable.envs.baselines import CONTROLLER_NAMES
     from coachable.experiments.runner import set_up_jax
 
     if all and seed is not None:

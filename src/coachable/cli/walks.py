@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from coachable.cli.options import (
+    CONTROLLER_NAMES,
     ControllerName,
     LaneSeed,
     LaneSetup,
@@ -61,7 +62,6 @@ def watch(
     require_drawable(out)
     if not seconds > 0:
         raise PlanError(f"seconds must be greater than zero, got {seconds}")
-    from coachable.envs.baselines import CONTROLLER_NAMES
     from coachable.experiments.walks import walk_of_baseline, walk_of_lane
 
     if (run in CONTROLLER_NAMES or run.endswith(".json")) and (setup is not None or seed is not None):

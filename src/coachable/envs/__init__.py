@@ -8,6 +8,6 @@ from gymnasium.envs.registration import register
 
 register(
     id="coachable/CompassWalker-v0",
-    entry_point="coachable.envs.gymnasium_env:CompassWalkerEnv",
-    vector_entry_point="coachable.envs.gymnasium_vector_env:CompassWalkerVectorEnv",
+    entry_point="coachable.envs.gymnasium_env:PlantEnv",
+    vector_entry_point="coachable.envs.gymnasium_vector_env:PlantVectorEnv",
 )

@@ -1,8 +1,8 @@
-"""The controllers that learning is measured against, each walked once in float64."""
+"""The written controllers that learning is measured against, each walked once in float64."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -10,21 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.rollout import Episode, Summary, Trajectory, rollout, summary
 from coachable.envs.walking_task import NO_BOX, WalkingTask, make_task
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
-from coachable.plants.compass import PAPER_PARAMETERS, STATE_NAMES, CompassParameters, VirtualGravity
-from coachable.plants.controllers import ConstantTorque, NoTorque
-from coachable.plants.integrate import advance
+from coachable.plants.plant import Controller, Plant
+from coachable.plants.sampled import SampledState, sampled_step
 from coachable.rewards.setup import PAPER_SETUPS, Semantics
-
-ControllerName = Literal["virtual-gravity", "constant-torque", "none"]
-
-CONTROLLER_NAMES: tuple[ControllerName, ...] = ("virtual-gravity", "constant-torque", "none")
-
-WALKING_TORQUE = (-1.35, -0.18)
-"""A constant torque (ankle, hip) with which the paper's walker walks [N m]; whoever learns has to beat it."""
 
 SETTLED_STEPS = 4
 """Period, step length and speed are means over the last so many whole steps, when the gait has settled."""
@@ -34,7 +27,7 @@ SETTLED_STEPS = 4
 class BaselineReport:
     """How far, how fast and for what reward a baseline walks."""
 
-    controller: ControllerName
+    controller: str
     semantics: Semantics
     hip_x: float
     """Where the hip was at the end [m]."""
@@ -48,7 +41,7 @@ class BaselineReport:
     speed: float
     """step_length / period [m/s]."""
     share_in_cycle: float
-    """Share of the samples after the first one that lie in a phase of the paper's behaviour."""
+    """Share of the samples after the first one that lie in a phase of the behaviour."""
     rewards: Mapping[str, float]
     """Return of the episode under each of the paper's reward setups, by name."""
     fell: bool
@@ -56,25 +49,32 @@ class BaselineReport:
 
 
 def baseline(
-    controller_name: ControllerName,
+    controller_name: str,
     semantics: Semantics = "paper",
-    parameters: CompassParameters = PAPER_PARAMETERS,
+    parameters: Any = None,
     seconds: float = 10.0,
+    *,
+    plant: Plant | str = "compass",
+    behaviour: Behaviour | None = None,
 ) -> BaselineReport:
-    """Walk a baseline from the paper's start under the free clock, unclipped, in float64.
+    """Walk a written controller of a plant from its start under the free clock, unclipped, in float64.
 
-    In `released-code` semantics virtual gravity is the released code's, wrong index included.
+    **Arguments:** `controller_name`, one of `plant.controllers()`; the others as in `make_task`.
 
-    Raises `ParameterError` for an unknown controller or semantics.
+    Raises `ParameterError` for an unknown controller and what `make_task` raises.
     """
-    if controller_name not in CONTROLLER_NAMES:
-        raise ParameterError(
-            f"unknown controller {controller_name!r}; {suggestion(controller_name, CONTROLLER_NAMES)}"
-        )
     with jax.enable_x64(True):
         setup = PAPER_SETUPS["sparse"]
-        task = make_task(setup, semantics, parameters=parameters, seconds=seconds, box=NO_BOX)
-        controller = _controller(controller_name, task)
+        task = make_task(
+            setup,
+            semantics,
+            parameters=parameters,
+            behaviour=behaviour,
+            seconds=seconds,
+            plant=plant,
+            box=NO_BOX,
+        )
+        controller = controller_of(task.plant, controller_name)
         episode, numbers = eqx.filter_jit(_walk)(task, controller)
         trajectory = Trajectory.of(task, episode)
         times, feet = touchdowns(task, trajectory)
@@ -95,21 +95,32 @@ def baseline(
     )
 
 
+def controller_of(plant: Plant, name: str) -> Controller:
+    """The written controller of a plant that has this name.
+
+    Raises `ParameterError` if there is none.
+    """
+    controllers = plant.controllers()
+    if name not in controllers:
+        raise ParameterError(f"unknown controller {name!r}; {suggestion(name, controllers)}")
+    return controllers[name]
+
+
 def touchdowns(task: WalkingTask, trajectory: Trajectory) -> tuple[np.ndarray, np.ndarray]:
     """Return when the feet touched down [s] and where the new stance foot then stood [m].
 
     Arguments: trajectory, of this task under the free clock and in the dtype it was walked in. Its steps are
     integrated once more, side by side, to learn what happened inside them.
     """
-    x = np.stack([getattr(trajectory, name)[:-1] for name in STATE_NAMES], axis=-1)
-    control = np.stack([trajectory.u1[:-1], trajectory.u2[:-1]], axis=-1)
+    x = np.stack([column[:-1] for column in trajectory.states.values()], axis=-1)
+    control = np.stack([column[:-1] for column in trajectory.controls.values()], axis=-1)
 
     @jax.jit
     @jax.vmap
-    def again(x, foot_x, control):
-        return advance(task.plant, x, foot_x, control, task.control_dt)
+    def again(x, control):
+        return sampled_step(task.plant, task.sampling, SampledState.at(x), control)[1].moved
 
-    steps = again(jnp.asarray(x), jnp.asarray(trajectory.foot_x[:-1]), jnp.asarray(control))
+    steps = again(jnp.asarray(x), jnp.asarray(control))
     (changed,) = np.nonzero(steps.touchdowns)
     times = trajectory.time[changed] + np.asarray(steps.touchdown_time)[changed]
     return times, trajectory.foot_x[changed + 1]
@@ -122,9 +133,3 @@ def _walk(task: WalkingTask, controller: Callable[[Array], Array]) -> tuple[Epis
 
 def _mean_of_last(values: np.ndarray) -> float:
     return float(np.mean(values[-SETTLED_STEPS:])) if len(values) else float("nan")
-
-
-def _controller(name: ControllerName, task: WalkingTask) -> VirtualGravity | ConstantTorque | NoTorque:
-    if name == "virtual-gravity":
-        return VirtualGravity(task.plant, released=task.semantics == "released-code")
-    return ConstantTorque(WALKING_TORQUE) if name == "constant-torque" else NoTorque(2)

@@ -36,21 +36,23 @@ def in_single_precision(function: Callable) -> Callable:
 
 
 @in_single_precision
-def begin_run(task: WalkingTask, x0: Float[Array, "4"]) -> tuple[WalkingState, Int[Array, ""]]:
+def begin_run(task: WalkingTask, x0: Float[Array, " state"]) -> tuple[WalkingState, Int[Array, ""]]:
     """The state of a run that starts at x0, and its location."""
     return _at(task, x0).init(), task.locate(x0)
 
 
 @in_single_precision
 def begin_episode(
-    task: WalkingTask, x0: Float[Array, "4"], state: WalkingState
+    task: WalkingTask, x0: Float[Array, " state"], state: WalkingState
 ) -> tuple[WalkingState, Int[Array, ""]]:
     """The state of the run's next episode, which starts at x0, and its location."""
     return _at(task, x0).reset(state), task.locate(x0)
 
 
 @in_single_precision
-def step(task: WalkingTask, state: WalkingState, action: Float[Array, "2"]) -> tuple[WalkingState, Timestep]:
+def step(
+    task: WalkingTask, state: WalkingState, action: Float[Array, " control"]
+) -> tuple[WalkingState, Timestep]:
     """One control step of a walker."""
     return task.step(state, action)
 
@@ -58,7 +60,7 @@ def step(task: WalkingTask, state: WalkingState, action: Float[Array, "2"]) -> t
 @in_single_precision
 def begin_some(
     task: WalkingTask,
-    x0: Float[Array, "walkers 4"],
+    x0: Float[Array, "walkers state"],
     states: WalkingState,
     chosen: Bool[Array, " walkers"],
     anew: Bool[Array, " walkers"],
@@ -78,7 +80,7 @@ def begin_some(
 def step_all(
     task: WalkingTask,
     states: WalkingState,
-    actions: Float[Array, "walkers 2"],
+    actions: Float[Array, "walkers control"],
     waiting: Bool[Array, " walkers"],
 ) -> tuple[WalkingState, Timestep]:
     """One control step of every walker; those that wait do not move, and their timestep means nothing."""
@@ -122,7 +124,7 @@ def _plain(values: np.ndarray) -> Any:
     return values.item() if values.ndim == 0 else values.astype(_WIDE[values.dtype.kind])
 
 
-def _at(task: WalkingTask, x0: Float[Array, "4"]) -> WalkingTask:
+def _at(task: WalkingTask, x0: Float[Array, " state"]) -> WalkingTask:
     return eqx.tree_at(lambda task: task.x0, task, x0)
 
 

@@ -1,4 +1,4 @@
-"""The walking task as a Gymnasium environment, `coachable/CompassWalker-v0`."""
+"""The walking task of a plant as a Gymnasium environment."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from coachable.envs.compiled_walk import (
     step,
 )
 from coachable.envs.start_distribution import Distribution, Start
-from coachable.envs.walking_task import ACTION_BOX, Clock, Timestep, WalkingState, make_task
+from coachable.envs.walking_task import Clock, Timestep, WalkingState, make_task
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
-from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
-from coachable.plants.compass.observation_bounds import observation_bounds
+from coachable.plants.named import make_plant
+from coachable.plants.plant import Plant
 from coachable.rewards.phase_reward import Variant
 from coachable.rewards.setup import RewardSetup, Semantics, paper_setup
 
@@ -40,14 +40,18 @@ PICTURES_A_SECOND = 100
 """One a control step."""
 
 
-class CompassWalkerEnv(gymnasium.Env[np.ndarray, np.ndarray]):
-    """Ten seconds of compass walking, in float32: `WalkingTask`, one compiled step a call.
+class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
+    """An episode of a plant, in float32: `WalkingTask`, one compiled step a call.
 
-    **Observation:** (θ1, θ2, θ̇1, θ̇2), angles of the stance and the swing leg from upright [rad] and their
-    velocities [rad/s]. Its bounds are those of `observation_bounds`, which no policy can leave.
+    `coachable/CompassWalker-v0` is this environment with the defaults below.
 
-    **Action:** the torques (ankle, hip) [N m], between −2 and 0 as in the code released with the paper; what
-    is outside is clipped to that. They are held for 0.01 s, or until a touchdown if `clock="touchdown"`.
+    **Observation:** the plant's state; its bounds are those of `Plant.observation_bounds`. Of the compass
+    walker (θ1, θ2, θ̇1, θ̇2), angles of the stance and the swing leg from upright [rad] and their velocities
+    [rad/s], within bounds that no policy can leave.
+
+    **Action:** the plant's controls; what is outside of its `action_box` is clipped to that. Of the compass
+    walker the torques (ankle, hip) [N m], between −2 and 0 as in the code released with the paper. They are
+    held for 0.01 s, or until a touchdown if `clock="touchdown"`.
 
     **End:** a fall terminates the episode. So does the time T, at which the paper's return ends; with
     `truncate=True` the time truncates it instead, and a trainer goes on with its value estimate.
@@ -66,7 +70,8 @@ class CompassWalkerEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     **Arguments:**
         setup: a `RewardSetup`, or one of the paper's by name. semantics, reward_variant, clock, parameters,
             seconds: as in `make_task`.
-        behaviour: a `Behaviour`, or what `load_behaviour` takes; by default the semantics' compass walking.
+        behaviour: a `Behaviour`, or what `load_behaviour` takes; by default the one that ships for the plant.
+        plant: a `Plant`, or what `plant_class` takes.
         start_noise, start_distribution: how far from x₀ episodes start; see `Start`.
         truncate: whether the time truncates the episode rather than terminates it.
         shared_evaluation_every: as in `make_task`; for training in `released-code` semantics.
@@ -76,7 +81,7 @@ class CompassWalkerEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     semantics the reward remembers the last one's end, as in that code.
 
     **Raises:** what `make_task`, `load_behaviour`, `Start` and `Window` raise. `step` raises `ResetNeeded`
-    outside of an episode and `InvalidAction` for an action that is not two numbers.
+    outside of an episode and `InvalidAction` for an action that is not one number a control.
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": PICTURES_A_SECOND}  # noqa: RUF012
@@ -87,10 +92,11 @@ class CompassWalkerEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         semantics: Semantics = "paper",
         reward_variant: Variant | None = None,
         clock: Clock = "free",
-        parameters: CompassParameters = PAPER_PARAMETERS,
+        parameters: Any = None,
         behaviour: Behaviour | str | Path | None = None,
         seconds: int | float = 10.0,
         *,
+        plant: Plant | str = "compass",
         start_noise: int | float | tuple[int | float, ...] | list[int | float] = 0.0,
         start_distribution: Distribution = "normal",
         truncate: bool = False,
@@ -100,8 +106,9 @@ class CompassWalkerEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         if render_mode not in (None, *self.metadata["render_modes"]):
             hint = suggestion(str(render_mode), self.metadata["render_modes"])
             raise ParameterError(f"unknown render_mode {render_mode!r}; {hint}")
+        plant = make_plant(plant, parameters).under(semantics)
         if behaviour is None:
-            behaviour = "compass-walking" if semantics == "paper" else "compass-walking-released"
+            behaviour = plant.behaviour_under(semantics)
         self.behaviour = behaviour if isinstance(behaviour, Behaviour) else load_behaviour(behaviour)
         setup = setup if isinstance(setup, RewardSetup) else paper_setup(setup)
         with jax.enable_x64(False):
@@ -110,18 +117,19 @@ class CompassWalkerEnv(gymnasium.Env[np.ndarray, np.ndarray]):
                 semantics,
                 reward_variant,
                 clock,
-                parameters,
+                None,
                 self.behaviour,
                 float(seconds),
+                plant=plant,
                 shared_evaluation_every=shared_evaluation_every,
             )
-        self.start = Start(start_noise, start_distribution)
+        self.start = Start(plant, start_noise, start_distribution)
         self.truncate = truncate
         self.render_mode = render_mode
         longest = self.task.seconds + self.task.control_dt  # a touchdown's clock may overshoot by a step
-        bounds = observation_bounds(parameters, ACTION_BOX, self.start.largest, longest)
+        bounds = plant.observation_bounds(plant.action_box, self.start.largest, longest)
         self.observation_space = gymnasium.spaces.Box(-bounds, bounds, dtype=np.float32)
-        low, high = (np.array(torques, np.float32) for torques in ACTION_BOX)
+        low, high = (np.array(torques, np.float32) for torques in plant.action_box)
         self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float32)
         self._weights = np.array(self.task.weights)
         self._state: WalkingState | None = None
@@ -143,13 +151,14 @@ class CompassWalkerEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         return self._tell(facts_of_start(state, phase))
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Hold the clipped torques for one control step."""
-        torques = np.asarray(action, np.float32)
-        if torques.shape != (2,):
-            raise InvalidAction(f"an action is two torques (ankle, hip), but its shape is {torques.shape}")
+        """Hold the clipped controls for one control step."""
+        control = np.asarray(action, np.float32)
+        if control.shape != self.action_space.shape:
+            names = ", ".join(self.task.plant.control_names)
+            raise InvalidAction(f"an action is one number each for {names}, but its shape is {control.shape}")
         if self._ended or self._state is None:
             raise ResetNeeded("the episode is over, or none has begun; call reset()")
-        state, timestep = step(self.task, self._state, torques)
+        state, timestep = step(self.task, self._state, control)
         timestep = jax.device_get(timestep)
         self._touchdowns += int(timestep.foot_x != self._facts["foot_x"])
         self._state, self._ended = state, bool(timestep.terminated)
@@ -194,7 +203,7 @@ def ended(timestep: Timestep, truncate: bool) -> tuple[np.ndarray | np.bool_, np
     return (fell, over & ~fell) if truncate else (over, np.zeros_like(over))
 
 
-def picture(env: CompassWalkerEnv, x: Float[np.ndarray, " state"], facts: Facts, touchdowns: int) -> Image:
+def picture(env: PlantEnv, x: Float[np.ndarray, " state"], facts: Facts, touchdowns: int) -> Image:
     """A robot of this environment at state x, after so many touchdowns."""
     from coachable.drawing.stage import draw_instant
 

@@ -24,7 +24,7 @@ from coachable.envs.compiled_walk import (
     info_of,
     step_all,
 )
-from coachable.envs.gymnasium_env import CompassWalkerEnv, ended, picture
+from coachable.envs.gymnasium_env import PlantEnv, ended, picture
 from coachable.envs.vector_infos import masked, only
 from coachable.foundation.errors import ParameterError
 
@@ -32,8 +32,8 @@ Walkers = Bool[np.ndarray, " walkers"]
 """Which of them."""
 
 
-class CompassWalkerVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Many of `CompassWalkerEnv`, stepped together by one compiled program.
+class PlantVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """Many of `PlantEnv`, stepped together by one compiled program.
 
     It gives what Gymnasium's `SyncVectorEnv` of as many single environments gives, number by number, seeds,
     infos and final observations included, in each of the autoreset modes:
@@ -43,10 +43,10 @@ class CompassWalkerVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, 
     - `DISABLED`: it is for the caller to reset it, with `reset(options={"reset_mask": …})`.
 
     **Arguments:** `num_envs`; `autoreset_mode`, a mode or its value (`"NextStep"`, `"SameStep"`,
-    `"Disabled"`); the rest as for one `CompassWalkerEnv`, but there is no render mode `"human"`.
+    `"Disabled"`); the rest as for one `PlantEnv`, but there is no render mode `"human"`.
 
     **Raises:** `ParameterError` for a number or a mode that cannot be, `ResetNeeded` in a step without a
-    reset, and what `CompassWalkerEnv` raises.
+    reset, and what `PlantEnv` raises.
     """
 
     def __init__(
@@ -66,12 +66,12 @@ class CompassWalkerVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, 
         except ValueError:
             known = ", ".join(repr(mode.value) for mode in AutoresetMode)
             raise ParameterError(f"unknown autoreset_mode {autoreset_mode!r}; known: {known}") from None
-        self._one = CompassWalkerEnv(**options, render_mode=render_mode)
+        self._one = PlantEnv(**options, render_mode=render_mode)
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.metadata = {
             "render_modes": ["rgb_array"],
-            "render_fps": CompassWalkerEnv.metadata["render_fps"],
+            "render_fps": PlantEnv.metadata["render_fps"],
             "autoreset_mode": self.autoreset_mode,
         }
         self.single_observation_space = self._one.observation_space
@@ -83,7 +83,7 @@ class CompassWalkerVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, 
         self._seeds = [-1] * num_envs
         state, _ = begin_run(self._one.task, self._one.task.x0)
         self._states = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (num_envs, *leaf.shape)), state)
-        self._x0 = np.zeros((num_envs, 4), np.float32)
+        self._x0 = np.zeros(self.observation_space.shape, np.float32)
         self._ended = np.zeros(num_envs, bool)
         self._began = np.zeros(num_envs, bool)
 
@@ -116,10 +116,10 @@ class CompassWalkerVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, 
     def step(
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Hold the clipped torques of every walker for one control step."""
-        torques = np.asarray(actions, np.float32)
-        if torques.shape != (self.num_envs, 2):
-            raise InvalidAction(f"actions have shape {torques.shape}, not {(self.num_envs, 2)}")
+        """Hold the clipped controls of every walker for one control step."""
+        controls = np.asarray(actions, np.float32)
+        if controls.shape != self.action_space.shape:
+            raise InvalidAction(f"actions have shape {controls.shape}, not {self.action_space.shape}")
         if not self._began.all():
             raise ResetNeeded("no episode has begun; call reset()")
         if self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any():
@@ -128,7 +128,7 @@ class CompassWalkerVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, 
         waiting, begun = self._ended, None
         if waiting.any():
             begun = self._begin(waiting, np.zeros(self.num_envs, bool))
-        self._states, timesteps = step_all(self._one.task, self._states, torques, waiting)
+        self._states, timesteps = step_all(self._one.task, self._states, controls, waiting)
         timesteps = jax.device_get(timesteps)
         self._touchdowns += timesteps.foot_x != self._facts["foot_x"]
         self._observations, self._facts = np.array(timesteps.observation), facts_of_step(timesteps)

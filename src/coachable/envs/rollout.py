@@ -2,17 +2,16 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from coachable.envs.walking_task import Timestep, WalkingState, WalkingTask
-from coachable.plants.compass import STATE_NAMES
+from coachable.foundation.suggestion import suggestion
+from coachable.plants.sampled import walk_recorded
 from coachable.rewards.setup import TERM_NAMES
 
 
@@ -61,21 +60,12 @@ def rollout(
     """
     start = task.init() if state is None else state
     num_steps = task.longest_episode if num_steps is None else num_steps
-    nothing = jax.tree.map(
-        lambda leaf: jnp.zeros(leaf.shape, leaf.dtype),
-        jax.eval_shape(lambda: task.step(start, controller(task.observation(start)))[1]),
-    )
 
-    def step(carry, _):
-        state, last, alive = carry
-        # Behind its end an episode is walked again from the start, unseen: where the walker fell, every
-        # step would search for events anew, and all that is vmapped beside it would wait.
-        walking = jax.tree.map(partial(jnp.where, alive), state, start)
-        taken = task.step(walking, controller(task.observation(walking)))
-        state, timestep = jax.tree.map(lambda new, old: jnp.where(alive, new, old), taken, (state, last))
-        return (state, timestep, alive & ~(timestep.terminated | timestep.truncated)), (timestep, alive)
+    def step(state: WalkingState, _: None) -> tuple[WalkingState, Timestep, Array]:
+        state, timestep = task.step(state, controller(task.observation(state)))
+        return state, timestep, timestep.terminated | timestep.truncated
 
-    _, (timesteps, alive) = lax.scan(step, (start, nothing, jnp.array(True)), length=num_steps)
+    _, timesteps, alive = walk_recorded(step, start, num_steps)
     return Episode(start, timesteps, alive)
 
 
@@ -100,24 +90,17 @@ def summary(task: WalkingTask, episode: Episode) -> Summary:
 class Trajectory:
     """An episode as NumPy arrays by name, one row a sample, the initial one included.
 
-    Torques and terms in a row belong to the step that starts there; the last row, where none starts, has
-    zeros.
+    Controls and terms in a row belong to the step that starts there; the last row, where none starts, has
+    zeros. A coordinate of the state and a control can also be read as an attribute: `trajectory.theta_1` is
+    `trajectory.states["theta_1"]`.
     """
 
     time: np.ndarray
     """[s]"""
-    theta_1: np.ndarray
-    """Stance leg's angle from upright [rad]."""
-    theta_2: np.ndarray
-    """Swing leg's angle from upright [rad]."""
-    dtheta_1: np.ndarray
-    """[rad/s]"""
-    dtheta_2: np.ndarray
-    """[rad/s]"""
-    u1: np.ndarray
-    """Ankle torque, as applied [N m]."""
-    u2: np.ndarray
-    """Hip torque, as applied [N m]."""
+    states: Mapping[str, np.ndarray]
+    """The plant's state by the names of its coordinates."""
+    controls: Mapping[str, np.ndarray]
+    """The controls by name, as applied."""
     foot_x: np.ndarray
     """Where the stance foot is [m]."""
     hip_x: np.ndarray
@@ -140,22 +123,31 @@ class Trajectory:
             return np.concatenate([rows, np.zeros_like(rows[:1])])
 
         x = with_start(start.x, steps.observation)
-        states: dict[str, np.ndarray] = dict(zip(STATE_NAMES, x.T, strict=True))
+        states: dict[str, np.ndarray] = dict(zip(task.plant.state_names, x.T, strict=True))
         tracker = task.phase_reward.tracker
-        u1, u2 = with_end(steps.control).T
         return cls(
             time=with_start(np.zeros_like(start.foot_x), steps.time),
-            u1=u1,
-            u2=u2,
+            states=states,
+            controls=dict(zip(task.plant.control_names, with_end(steps.control).T, strict=True)),
             foot_x=with_start(start.foot_x, steps.foot_x),
             hip_x=with_start(start.hip_x, steps.hip_x),
             phase=tracker.along(states, tracker.none_yet),
             terms=dict(zip(TERM_NAMES, with_end(steps.terms).T, strict=True)),
-            **states,
         )
 
     def columns(self) -> dict[str, np.ndarray]:
         """Return the trajectory as the run folder keeps it: column by column, the hip left out."""
-        states = {name: getattr(self, name) for name in STATE_NAMES}
-        rest = {"u1": self.u1, "u2": self.u2, "foot_x": self.foot_x, "phase": self.phase}
-        return {"t": self.time, **states, **rest, **self.terms}
+        return {
+            "t": self.time,
+            **self.states,
+            **self.controls,
+            "foot_x": self.foot_x,
+            "phase": self.phase,
+            **self.terms,
+        }
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        columns = {**vars(self).get("states", {}), **vars(self).get("controls", {})}
+        if name not in columns:
+            raise AttributeError(f"a trajectory has no {name!r}; {suggestion(name, columns)}")
+        return columns[name]

@@ -29,8 +29,8 @@ class Timestep(eqx.Module):
     """Since the start of the episode [s]."""
     phase: Int[Array, ""]
     """Location in the behaviour: 0 … K−1, or K outside all K phases."""
-    control: Float[Array, "2"]
-    """The torque (ankle, hip) applied during the step [N m]."""
+    control: Float[Array, " control"]
+    """The control applied during the step."""
 
 
 class Task(eqx.Module):

@@ -1,7 +1,7 @@
 """Walking as a task: a plant, a behaviour's reward and an episode of T seconds, in pure functions."""
 
 import math
-from typing import Literal
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,21 +15,21 @@ from coachable.envs.task import Task as Task
 from coachable.envs.task import Timestep as Timestep
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
-from coachable.plants.compass import PAPER_PARAMETERS, START, CompassParameters, CompassWalker
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
-from coachable.plants.integrate import Advance, advance
+from coachable.plants.named import make_plant
 from coachable.plants.outcome import Outcome
+from coachable.plants.plant import Plant
+from coachable.plants.sampled import CLOCKS, SampledState, Sampling, sampled_step
+from coachable.plants.sampled import Clock as Clock
 from coachable.rewards.phase_reward import PhaseReward, Variant
 from coachable.rewards.setup import RewardSetup, Semantics
 from coachable.rewards.terms import StepFacts, full_reward, reward_terms
 
-Clock = Literal["free", "touchdown"]
+Box = tuple[float | tuple[float, ...], float | tuple[float, ...]]
+"""Lowest and highest control, each one number for all or one each."""
 
-ACTION_BOX = ((-2.0, -2.0), (0.0, 0.0))
-"""Lowest and highest torque (ankle, hip) of a policy [N m]; the released code's, the paper has none."""
-
-NO_BOX = ((-math.inf, -math.inf), (math.inf, math.inf))
-"""A box that lets every torque through, for the baselines."""
+NO_BOX: Box = (-math.inf, math.inf)
+"""A box that lets every control through, for the baselines."""
 
 SHARED_EVALUATION_EVERY = 10_000
 """Training steps between two evaluations, each of which moves the training walker, in the released code."""
@@ -38,29 +38,35 @@ SHARED_EVALUATION_EVERY = 10_000
 class WalkingState(eqx.Module):
     """Where a walking task stands. In `released-code` some of it outlives the episode, as in that code."""
 
-    x: Float[Array, "4"]
-    foot_x: Float[Array, ""]
-    observation: Float[Array, "4"]
+    walk: SampledState
+    observation: Float[Array, " state"]
     """x, except right after a shared evaluation moved the walker."""
     hip_x: Float[Array, ""]
     memory: Memory
     """Location before the next step, or `PhaseReward.none_yet`, and what dwell times need."""
-    control: Float[Array, "2"]
-    """Torque of the step before."""
-    num_steps: Int[Array, ""]
-    """Control steps in this episode."""
-    full_steps: Int[Array, ""]
-    """Those of them that lasted control_dt."""
-    time_in_others: Float[Array, ""]
-    """How long the rest of them lasted [s]; apart from the full ones so that rounding does not pile up."""
-    touchdowns_in_a_row: Int[Array, ""]
-    """Touchdowns since the last full step."""
+    control: Float[Array, " control"]
+    """Control of the step before."""
     total_steps: Int[Array, ""]
     """Control steps in this run."""
 
+    @property
+    def x(self) -> Float[Array, " state"]:
+        """The plant's state."""
+        return self.walk.x
+
+    @property
+    def foot_x(self) -> Float[Array, ""]:
+        """Where the stance foot stands [m]."""
+        return self.walk.foot_x
+
+    @property
+    def num_steps(self) -> Int[Array, ""]:
+        """Control steps in this episode."""
+        return self.walk.num_steps
+
 
 class WalkingTask(Task):
-    """Ten seconds of compass walking, paid by the terms of section III of Harnack et al., CDC 2023.
+    """An episode of a walking plant, paid by the terms of section III of Harnack et al., CDC 2023.
 
     A step holds the action, squashed into the box, for control_dt. With `clock="touchdown"` a touchdown ends
     the step early, so that the controller is asked again there; chatter is then a third touchdown without a
@@ -68,12 +74,12 @@ class WalkingTask(Task):
     program.
     """
 
-    plant: CompassWalker
+    plant: Plant
     phase_reward: PhaseReward
-    x0: Float[Array, "4"]
+    x0: Float[Array, " state"]
     weights: Float[Array, "5"]
-    low: Float[Array, "2"]
-    high: Float[Array, "2"]
+    low: Float[Array, " control"]
+    high: Float[Array, " control"]
     semantics: Semantics = eqx.field(static=True, default="paper")
     clock: Clock = eqx.field(static=True, default="free")
     squashing: Squashing = eqx.field(static=True, default="clip")
@@ -84,13 +90,20 @@ class WalkingTask(Task):
 
     @property
     def observation_size(self) -> int:
-        """The state's four coordinates."""
-        return 4
+        """The state's coordinates."""
+        return len(self.plant.state_names)
 
     @property
     def action_size(self) -> int:
-        """Ankle and hip torque."""
-        return 2
+        """The controls."""
+        return len(self.plant.control_names)
+
+    @property
+    def sampling(self) -> Sampling:
+        """The sample clock, and the chatter rule of the semantics."""
+        released = self.semantics == "released-code"
+        rule = ChatterRule(None, self.control_dt / 10) if released else PAPER_CHATTER
+        return Sampling(self.clock, self.control_dt, chatter=rule)
 
     @property
     def samples_in_time(self) -> int:
@@ -104,21 +117,15 @@ class WalkingTask(Task):
 
     def init(self, key: PRNGKeyArray | None = None) -> WalkingState:
         """Return the state in which a run starts: at x0, the stance foot at 0. Nothing is random."""
-        dtype, count = self.x0.dtype, jnp.zeros((), jnp.int32)
-        zero = jnp.zeros((), dtype)
+        dtype = self.x0.dtype
         remember = self.phase_reward.start if self.semantics == "paper" else self.phase_reward.before_all
         return WalkingState(
-            x=self.x0,
-            foot_x=zero,
+            walk=SampledState.at(self.x0),
             observation=self.x0,
-            hip_x=self.plant.base(self.x0, zero)[0],
+            hip_x=self.plant.base(self.x0, jnp.zeros((), dtype))[0],
             memory=remember(self._signals(self.x0)),
-            control=jnp.zeros((2,), dtype),
-            num_steps=count,
-            full_steps=count,
-            time_in_others=zero,
-            touchdowns_in_a_row=count,
-            total_steps=count,
+            control=jnp.zeros((self.action_size,), dtype),
+            total_steps=jnp.zeros((), jnp.int32),
         )
 
     def reset(self, state: WalkingState, key: PRNGKeyArray | None = None) -> WalkingState:
@@ -131,34 +138,35 @@ class WalkingTask(Task):
 
         return eqx.tree_at(outlives, self.init(), outlives(state))
 
-    def observation(self, state: WalkingState) -> Float[Array, "4"]:
-        """Return x (θ1, θ2, θ̇1, θ̇2) as the controller sees it."""
+    def observation(self, state: WalkingState) -> Float[Array, " state"]:
+        """Return the plant's state as the controller sees it."""
         return state.observation
 
-    def locate(self, x: Float[Array, "4"]) -> Int[Array, ""]:
+    def locate(self, x: Float[Array, " state"]) -> Int[Array, ""]:
         """Return the location of a state: a phase of the behaviour, or K outside."""
         return self.phase_reward.locate(self._signals(x))
 
-    def step(self, state: WalkingState, action: Float[Array, "2"]) -> tuple[WalkingState, Timestep]:
+    def step(self, state: WalkingState, action: Float[Array, " control"]) -> tuple[WalkingState, Timestep]:
         """Hold the action, squashed into the box, for one control step and pay for where it led."""
         control = SQUASHINGS[self.squashing](action, self.low, self.high)
-        moved = self._advance(state, control)
-        fell = moved.outcome != Outcome.WALKING
-        x, foot_x = moved.x, moved.foot_x
+        sampling = self.sampling
+        walk, taken = sampled_step(self.plant, sampling, state.walk, control)
+        moved, fell = taken.moved, taken.fell
         if self.semantics == "released-code":
-            hip_fell = moved.outcome == Outcome.FELL
-            x = jnp.where(hip_fell, moved.segment_x, x)
-            foot_x = jnp.where(hip_fell, moved.segment_foot_x, foot_x)
-
-        cut_short = (moved.touchdowns > 0) & (self.clock == "touchdown") | fell
-        full_steps = state.full_steps + ~cut_short
-        time_in_others = state.time_in_others + jnp.where(cut_short, moved.elapsed, 0)
-        time = full_steps.astype(x.dtype) * self.control_dt + time_in_others
-        num_steps, total_steps = state.num_steps + 1, state.total_steps + 1
-        if self.clock == "free":
-            time_is_up = num_steps >= self.samples_in_time
+            base_fell = moved.outcome == Outcome.FELL
+            walk = eqx.tree_at(
+                lambda w: (w.x, w.foot_x),
+                walk,
+                (
+                    jnp.where(base_fell, moved.segment_x, walk.x),
+                    jnp.where(base_fell, moved.segment_foot_x, walk.foot_x),
+                ),
+            )
+        x, foot_x = walk.x, walk.foot_x
+        if sampling.restarts:
+            time_is_up = taken.time_is_up(self.seconds, sampling)
         else:
-            time_is_up = time >= self.seconds - 1e-3 * self.control_dt  # sums of short steps are not exact
+            time_is_up = walk.num_steps >= self.samples_in_time
 
         hip_x = self.plant.base(x, foot_x)[0]
         memory, move = self.phase_reward.tracker.advance(state.memory, self._signals(x), moved.elapsed)
@@ -183,43 +191,23 @@ class WalkingTask(Task):
             terms=terms,
             hip_x=hip_x,
             foot_x=foot_x,
-            time=time,
+            time=taken.time,
             phase=move.location,
             control=control,
         )
         after = WalkingState(
-            x=x,
-            foot_x=foot_x,
+            walk=walk,
             observation=x,
             hip_x=hip_x,
             memory=memory,
             control=control,
-            num_steps=num_steps,
-            full_steps=full_steps,
-            time_in_others=time_in_others,
-            touchdowns_in_a_row=jnp.where(cut_short, state.touchdowns_in_a_row + moved.touchdowns, 0),
-            total_steps=total_steps,
+            total_steps=state.total_steps + 1,
         )
         return self._shared_evaluation(after), timestep
 
-    def _signals(self, x: Float[Array, "4"]) -> Float[Array, " signals"]:
+    def _signals(self, x: Float[Array, " state"]) -> Float[Array, " signals"]:
         """Return what the behaviour speaks of."""
         return self.plant.signals(x, self.phase_reward.classifier.signals)
-
-    def _advance(self, state: WalkingState, control: Float[Array, "2"]) -> Advance:
-        """Move the plant, under the chatter rule of the semantics and the clock."""
-        restarts = self.clock == "touchdown"
-        released = self.semantics == "released-code" and not restarts
-        return advance(
-            self.plant,
-            state.x,
-            state.foot_x,
-            control,
-            self.control_dt,
-            stop_at_touchdown=restarts,
-            touchdowns_before=state.touchdowns_in_a_row if restarts else 0,
-            chatter=ChatterRule(None, self.control_dt / 10) if released else PAPER_CHATTER,
-        )
 
     def _shared_evaluation(self, state: WalkingState) -> WalkingState:
         """Leave the walker where the released code's evaluation does, which runs on the same simulator."""
@@ -227,7 +215,7 @@ class WalkingTask(Task):
             return state
         evaluated = state.total_steps % self.shared_evaluation_every == 0
         return eqx.tree_at(
-            lambda s: (s.x, s.foot_x),
+            lambda s: (s.walk.x, s.walk.foot_x),
             state,
             (jnp.where(evaluated, self.x0, state.x), jnp.where(evaluated, 0, state.foot_x)),
         )
@@ -238,11 +226,12 @@ def make_task(
     semantics: Semantics = "paper",
     reward_variant: Variant | None = None,
     clock: Clock = "free",
-    parameters: CompassParameters = PAPER_PARAMETERS,
+    parameters: Any = None,
     behaviour: Behaviour | None = None,
     seconds: float = 10.0,
     *,
-    box: tuple[tuple[float, float], tuple[float, float]] = ACTION_BOX,
+    plant: Plant | str = "compass",
+    box: Box | None = None,
     squashing: Squashing = "clip",
     shared_evaluation_every: int = 0,
 ) -> WalkingTask:
@@ -253,17 +242,20 @@ def make_task(
         semantics: `paper`, or `released-code` with the quirks of the code that came with it.
         reward_variant: how r_or is read; by default `stay` in `paper` and `released` in `released-code`.
         clock: `free`, a sample every 0.01 s, or `touchdown`, where a touchdown restarts the sample clock.
-        parameters: masses, lengths and gravity. behaviour: what r_or pays for; by default compass walking.
-        seconds: T, the length of an episode. box: lowest and highest torque (ankle, hip) [N m].
+        parameters: of the plant, a value of its parameters' dataclass; by default the plant's own.
+        behaviour: what r_or pays for; by default the one that ships for the plant.
+        seconds: T, the length of an episode.
+        plant: a plant, or what `plant_class` takes. box: lowest and highest control; by default the plant's.
         squashing: how actions are kept in the box, `clip` or `tanh`.
         shared_evaluation_every: see `WalkingTask`; `SHARED_EVALUATION_EVERY` in released-code training.
 
-    Raises `ParameterError` for an unknown semantics, variant, clock or squashing, for an episode shorter than
-    one control step, and for a behaviour that reads signals the walker does not have.
+    Raises `ParameterError` for an unknown plant, semantics, variant, clock or squashing, for parameters of
+    another plant, for an episode shorter than one control step, and for a behaviour that reads signals the
+    plant does not have.
     """
     for what, value, known in (
         ("semantics", semantics, _SEMANTICS),
-        ("clock", clock, _CLOCKS),
+        ("clock", clock, CLOCKS),
         ("squashing", squashing, tuple(SQUASHINGS)),
     ):
         if value not in known:
@@ -273,14 +265,16 @@ def make_task(
             f"seconds must be finite and at least one control step, 0.01 s, but it is {seconds!r}"
         )
     paper = semantics == "paper"
-    behaviour = behaviour or load_behaviour("compass-walking" if paper else "compass-walking-released")
+    plant = make_plant(plant, parameters).under(semantics)
+    behaviour = behaviour or load_behaviour(plant.behaviour_under(semantics))
+    low, high = plant.action_box if box is None else box
     task = WalkingTask(
-        plant=CompassWalker(parameters, backward_passing_counts=not paper),
+        plant=plant,
         phase_reward=PhaseReward.of(behaviour, reward_variant or ("stay" if paper else "released")),
-        x0=jnp.asarray(START),
+        x0=jnp.asarray(plant.start),
         weights=jnp.asarray(setup.weights),
-        low=jnp.asarray(box[0]),
-        high=jnp.asarray(box[1]),
+        low=jnp.broadcast_to(jnp.asarray(low), len(plant.control_names)),
+        high=jnp.broadcast_to(jnp.asarray(high), len(plant.control_names)),
         semantics=semantics,
         clock=clock,
         squashing=squashing,
@@ -292,4 +286,3 @@ def make_task(
 
 
 _SEMANTICS: tuple[Semantics, ...] = ("paper", "released-code")
-_CLOCKS: tuple[Clock, ...] = ("free", "touchdown")

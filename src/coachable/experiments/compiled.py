@@ -71,7 +71,7 @@ class Tasks:
             long=make(seconds=LONG_SECONDS),
             perturbed=make(seconds=PERTURBED_SECONDS),
             weights={s.name: np.asarray(s.weights, evaluation.weights.dtype) for s in study.setups},
-            starts=perturbed_starts(evaluation, released),
+            starts=perturbed_starts(evaluation),
         )
 
     def weighted(self, task: WalkingTask, lane: Lane) -> WalkingTask:

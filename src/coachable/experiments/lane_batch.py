@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from coachable.envs.rollout import Trajectory
-from coachable.envs.walking_task import ACTION_BOX
 from coachable.experiments.compiled import Programs, Tasks, stacked
 from coachable.experiments.layout import evaluation_steps, lane_key
 from coachable.experiments.log import Columns, Log
@@ -23,7 +22,7 @@ from coachable.foundation.errors import RunFolderError
 from coachable.learning.networks import ActorCritic
 from coachable.learning.policy import Policy
 from coachable.learning.ppo import Episodes
-from coachable.plants.compass import STATE_NAMES
+from coachable.plants.plant import Plant
 from coachable.rewards.setup import TERM_NAMES
 
 SECONDS_BETWEEN_CHECKPOINTS = 30.0
@@ -41,6 +40,7 @@ class Group:
         self.latest: Columns = {}
         """The latest evaluation of every lane, by column."""
         self._study, self._programs, self._path = study, programs, path
+        self._plant = tasks.evaluation.plant
         self._training = tasks.stacked(tasks.training, lanes)
         self._evaluation = tasks.stacked(tasks.evaluation, lanes)
         self._due = evaluation_steps(study)
@@ -106,7 +106,7 @@ class Group:
         """The last policy of every lane, and the best by evaluation return."""
         return {
             (lane, which): _policy(
-                jax.tree.map(lambda leaf, i=index: jnp.asarray(leaf[i]), networks), self._study
+                jax.tree.map(lambda leaf, i=index: jnp.asarray(leaf[i]), networks), self._study, self._plant
             )
             for which, networks in self.networks().items()
             for index, lane in enumerate(self.lanes)
@@ -213,13 +213,13 @@ class Group:
         )
 
 
-def _policy(networks: ActorCritic, study: Study) -> Policy:
+def _policy(networks: ActorCritic, study: Study, plant: Plant) -> Policy:
     return Policy(
         weights=tuple(weight for weight, _ in networks.policy_layers),
         biases=tuple(bias for _, bias in networks.policy_layers),
-        low=jnp.asarray(ACTION_BOX[0], jnp.float32),
-        high=jnp.asarray(ACTION_BOX[1], jnp.float32),
-        observation_names=STATE_NAMES,
+        low=jnp.asarray(plant.action_box[0], jnp.float32),
+        high=jnp.asarray(plant.action_box[1], jnp.float32),
+        observation_names=plant.state_names,
         squashing=study.ppo.squashing,
         clock=study.clock,
     )

@@ -19,19 +19,18 @@ from coachable.experiments.run_folder.reader import BASELINE, Which
 from coachable.experiments.run_folder.schemas import SCHEMAS, table_of
 from coachable.experiments.run_folder.writer import RunFolder
 from coachable.learning.policy import Policy
-from coachable.plants.compass import STATE_NAMES, VirtualGravity
 from coachable.rewards.setup import TERM_NAMES
 
 LOGS = ("episodes", "evaluations", "survival")
 
 
 def walk_baseline(study: Study, behaviour: Behaviour) -> tuple[dict[str, Any], Trajectory]:
-    """The virtual gravity controller's episode under a study's rewards and clock, in float64."""
+    """The episode of the plant's baseline controller under a study's rewards and clock, in float64."""
     with jax.enable_x64(True):
         setup = study.setups[0]
         arguments = (setup, study.semantics, study.reward_variant, study.clock, study.plant, behaviour)
         task = make_task(*arguments, box=NO_BOX)
-        controller = VirtualGravity(task.plant, released=study.semantics == "released-code")
+        controller = next(iter(task.plant.controllers().values()))
         episode = jax.jit(lambda: rollout(task, controller))()
         numbers = summary(task, episode)
         terms = np.asarray(numbers.terms)
@@ -101,12 +100,12 @@ def write_trajectories(folder: RunFolder, baseline: Trajectory, groups: Sequence
 
 def _rows(lane: str, which: str, trajectory: Trajectory) -> dict[str, np.ndarray]:
     length = len(trajectory.time)
-    names = (*STATE_NAMES, "u1", "u2", "foot_x")
+    columns = {**trajectory.states, **trajectory.controls, "foot_x": trajectory.foot_x}
     return {
         "lane": np.full(length, lane),
         "which": np.full(length, which),
         "t": trajectory.time.astype(np.float32),
         "phase": trajectory.phase.astype(np.int8),
-        **{name: getattr(trajectory, name).astype(np.float32) for name in names},
+        **{name: column.astype(np.float32) for name, column in columns.items()},
         **{name: trajectory.terms[name].astype(np.float32) for name in TERM_NAMES},
     }

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.envs.gymnasium_env import CompassWalkerEnv
+from coachable.envs.gymnasium_env import PlantEnv
 from coachable.envs.rollout import Summary, Trajectory, rollout, summary
 from coachable.experiments.compiled import Tasks
 from coachable.experiments.lane_processes import News, Tell, run_lanes
@@ -56,7 +56,7 @@ class CompassLane:
         episodes = Episodes()
 
         def make_env() -> EpisodeLog:
-            env = CompassWalkerEnv(
+            env = PlantEnv(
                 setup,
                 study.semantics,
                 study.reward_variant,

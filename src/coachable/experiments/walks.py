@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.drawing.motion import Motion
-from coachable.envs.baselines import ControllerName, baseline
+from coachable.envs.baselines import baseline
 from coachable.experiments.api import rollout
 from coachable.experiments.plan import IMPLIED
 from coachable.experiments.run_folder.reader import Run, Which
-from coachable.plants.compass import CompassWalker
+from coachable.plants.named import plant_class
 from coachable.rewards.setup import Semantics
 
 STORED_SECONDS = 10.0
@@ -27,11 +27,11 @@ class TitledMotion:
     behaviour: Behaviour
 
 
-def walk_of_baseline(name: ControllerName, semantics: Semantics, seconds: float) -> TitledMotion:
+def walk_of_baseline(name: str, semantics: Semantics, seconds: float) -> TitledMotion:
     """A baseline's walk, in float64."""
     report = baseline(name, semantics, seconds=seconds)
     behaviour = load_behaviour(IMPLIED[semantics]["behaviour"])
-    motion = Motion.of(CompassWalker(), report.trajectory.columns())
+    motion = Motion.of(plant_class("compass")(), report.trajectory.columns())
     return TitledMotion(f"{name}, {report.hip_x:.2f} m", motion, behaviour)
 
 
@@ -40,7 +40,7 @@ def walk_of_lane(run: Run, setup: str, seed: int, which: Which, seconds: float) 
 
     **Raises:** `RunFolderError` if the run has no such lane, or what is stored of it is damaged.
     """
-    plant = CompassWalker(run.plan.plant)
+    plant = plant_class("compass")(run.plan.plant)
     if seconds <= STORED_SECONDS:
         stored = run.trajectory(setup, seed, which)
         columns = {name: column[stored["t"] <= seconds + 1e-6] for name, column in stored.items()}

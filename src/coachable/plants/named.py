@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 from coachable.foundation.errors import ParameterError
@@ -68,3 +68,19 @@ def parameters_from(plant: type[Plant], numbers: Mapping[str, Any]) -> Any:
         if name not in known:
             raise ParameterError(f"{plant.name} has no parameter {name!r}; {suggestion(name, known)}")
     return kind(**numbers)
+
+
+def make_plant(plant: Plant | str, parameters: Any = None) -> Plant:
+    """A plant as it is, or the one of a name, with parameters if they are given.
+
+    **Raises:** `ParameterError` for an unknown name and for parameters of another plant.
+    """
+    kind = plant_class(plant) if isinstance(plant, str) else type(plant)
+    if parameters is None:
+        return kind() if isinstance(plant, str) else plant
+    if not isinstance(parameters, parameters_type(kind)):
+        wanted = parameters_type(kind).__name__
+        raise ParameterError(
+            f"{kind.name} has parameters of the type {wanted}, not {type(parameters).__name__}"
+        )
+    return kind(parameters) if isinstance(plant, str) else replace(plant, parameters=parameters)

@@ -163,6 +163,13 @@ class Plant(Dynamics):
         """The written controllers by name, the first one the baseline that learning is measured against."""
         return {"none": NoTorque(len(self.control_names))}
 
+    def behaviour_under(self, semantics: str) -> str:
+        """Return the name of the shipped behaviour that the plant is trained for by default.
+
+        **Raises:** `ParameterError` if there is none.
+        """
+        raise ParameterError(f"no behaviour ships for {self.name}; give one")
+
     def under(self, semantics: str) -> Plant:
         """Return the plant as a semantics has it.
 

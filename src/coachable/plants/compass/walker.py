@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from coachable.foundation.errors import ParameterError
+from coachable.foundation.suggestion import suggestion
 from coachable.plants.compass.observation_bounds import observation_bounds
 from coachable.plants.compass.parameters import PAPER_PARAMETERS, CompassParameters
 from coachable.plants.controllers import ConstantTorque, NoTorque
@@ -20,6 +22,8 @@ STATE_NAMES = ("theta_1", "theta_2", "dtheta_1", "dtheta_2")
 START = (0.0, 0.0, -0.4, 2.0)
 """The paper's initial state x₀: both legs upright, tipping forward, the swing leg swinging forward."""
 
+
+_BEHAVIOURS = {"paper": "compass-walking", "released-code": "compass-walking-released"}
 
 WALKING_TORQUE = (-1.35, -0.18)
 """A constant torque (ankle, hip) with which the paper's walker walks [N m]."""
@@ -58,10 +62,16 @@ class CompassWalker(Plant):
 
         **Raises:** `ParameterError` for another semantics.
         """
-        if semantics == "released-code":
-            return CompassWalker(self.parameters, backward_passing_counts=True)
-        Plant.under(self, semantics)
-        return self
+        if semantics not in _BEHAVIOURS:
+            raise ParameterError(
+                f"{self.name} has no {semantics!r} semantics; {suggestion(semantics, _BEHAVIOURS)}"
+            )
+        return CompassWalker(self.parameters, backward_passing_counts=semantics == "released-code")
+
+    def behaviour_under(self, semantics: str) -> str:
+        """Return the name of compass walking as the semantics has it."""
+        self.under(semantics)
+        return _BEHAVIOURS[semantics]
 
     @property
     def events(self) -> tuple[Event, ...]:

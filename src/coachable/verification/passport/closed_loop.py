@@ -6,15 +6,12 @@ from dataclasses import dataclass
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
-from coachable.envs.baselines import CONTROLLER_NAMES, WALKING_TORQUE, ControllerName
+from coachable.envs.baselines import controller_of
 from coachable.envs.walking_task import Clock
 from coachable.experiments.plan import IMPLIED
 from coachable.experiments.run_folder.reader import Run, Which
-from coachable.foundation.errors import ParameterError
 from coachable.foundation.files import hash_of, read_bytes
-from coachable.foundation.suggestion import suggestion
-from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters, CompassWalker, VirtualGravity
-from coachable.plants.controllers import ConstantTorque, NoTorque
+from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters, CompassWalker
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
 from coachable.rewards.setup import Semantics
 from coachable.verification.gait.section import Controller, Loop
@@ -63,7 +60,7 @@ def lane_subject(run: Run, setup: str, seed: int, which: Which = "last") -> Subj
 
 
 def baseline_subject(
-    name: ControllerName,
+    name: str,
     semantics: Semantics = "paper",
     clock: Clock = "free",
     parameters: CompassParameters = PAPER_PARAMETERS,
@@ -73,17 +70,11 @@ def baseline_subject(
 
     **Raises:** `ParameterError` for an unknown controller.
     """
-    if name not in CONTROLLER_NAMES:
-        raise ParameterError(f"unknown controller {name!r}; {suggestion(name, CONTROLLER_NAMES)}")
     plant = _plant(parameters, semantics)
-    controllers = {
-        "virtual-gravity": VirtualGravity(plant, released=semantics == "released-code"),
-        "constant-torque": ConstantTorque(WALKING_TORQUE),
-        "none": NoTorque(2),
-    }
+    controller = controller_of(plant, name)
     return Subject(
         walker=Walker(name, None, None, None, None, semantics, clock),
-        controller=controllers[name],
+        controller=controller,
         plant=plant,
         behaviour=behaviour or load_behaviour(IMPLIED[semantics]["behaviour"]),
     )
