@@ -3,19 +3,30 @@
 import pytest
 
 from coachable.behaviours.library import load_behaviour
+from coachable.drawing.motion import Motion
 from coachable.envs.baselines import baseline
+from coachable.plants.compass import PAPER_PARAMETERS, CompassWalker
 
 
 @pytest.fixture(scope="session")
-def trajectory():
-    return baseline("virtual-gravity").trajectory
+def columns():
+    """The trajectory as a run folder stores it."""
+    return baseline("virtual-gravity").trajectory.columns()
 
 
 @pytest.fixture(scope="session")
-def columns(trajectory):
-    """The same as a run folder keeps it."""
-    names = ("theta_1", "theta_2", "dtheta_1", "dtheta_2", "foot_x", "phase")
-    return {"t": trajectory.time} | {name: getattr(trajectory, name) for name in names}
+def motion_of():
+    """The compass walker's motion along columns, as a function of them and of its parameters."""
+
+    def motion(columns, parameters=PAPER_PARAMETERS):
+        return Motion.of(CompassWalker(parameters), columns)
+
+    return motion
+
+
+@pytest.fixture(scope="session")
+def motion(columns, motion_of):
+    return motion_of(columns)
 
 
 @pytest.fixture(scope="session")
@@ -24,11 +35,10 @@ def phases():
 
 
 @pytest.fixture(scope="session")
-def until(columns):
-    """The first part of the walk, as a function of its length in seconds."""
+def until(motion):
+    """The first part of the motion, as a function of its length in seconds."""
 
     def first(seconds):
-        kept = columns["t"] <= seconds + 1e-9
-        return {name: column[kept] for name, column in columns.items()}
+        return motion.part(0, motion.at(seconds) + 1)
 
     return first

@@ -11,7 +11,6 @@ from coachable.foundation.style import STANCE, SWING, phase_colours
 from coachable.plants.compass import CompassParameters
 from coachable.viewing.animation import animate
 from coachable.viewing.scene import Scene, SideBySide
-from coachable.viewing.walk import Walk
 
 
 @pytest.fixture(scope="module")
@@ -47,40 +46,35 @@ def rgb(colour):
     return tuple(int(colour[i : i + 2], 16) for i in (1, 3, 5))
 
 
-def test_the_chip_has_the_colour_of_the_phase(columns, phases):
-    walk = Walk.of(columns)
-    scene, colours = Scene.of(walk, phases), phase_colours(len(phases))
+def test_the_chip_has_the_colour_of_the_phase(motion, phases):
+    scene, colours = Scene.of(motion, phases), phase_colours(len(phases))
     seen = set()
     for time in np.arange(0.5, 3.0, 0.13):
-        phase = int(walk.phase[walk.at(time)])
+        phase = int(motion.phase[motion.at(time)])
         assert scene.frame(float(time)).getpixel((30, 33)) == rgb(colours[phase])
         seen.add(phase)
-    after_touchdown = walk.time[np.flatnonzero(walk.touched_down)[2]]
+    after_touchdown = motion.time[np.flatnonzero(motion.touched_down)[2]]
     assert scene.frame(float(after_touchdown)).getpixel((30, 33)) == rgb(colours[-1])
     assert seen >= {0, 1, 2, 3}
 
 
-def test_legs_are_where_the_walk_has_them_and_hidden_below_the_ground(columns, phases):
-    walk = Walk.of(columns)
-    scene = Scene.of(walk, phases)
+def test_legs_are_where_the_motion_has_them_and_hidden_below_the_ground(motion, phases):
+    scene, hip = Scene.of(motion, phases), motion.point("hip")
     for time in (1.0, 2.3, 4.1):
-        sample, pixels = walk.at(time), np.asarray(scene.frame(time))
-        for foot, mass, colour in (
-            (walk.stance_foot, walk.stance_mass, STANCE),
-            (walk.swing_foot, walk.swing_mass, SWING),
-        ):
-            middle = 0.75 * walk.hip[sample] + 0.25 * foot[sample]
+        sample, pixels = motion.at(time), np.asarray(scene.frame(time))
+        for role, colour in (("stance", STANCE), ("swing", SWING)):
+            foot, mass = motion.point(f"{role}_foot"), motion.point(f"{role}_mass")
+            middle = 0.75 * hip[sample] + 0.25 * foot[sample]
             x, y = scene.stage(sample).place(middle)
             assert tuple(pixels[round(y), round(x)]) == rgb(colour)
-            assert np.allclose(mass[sample], 0.5 * walk.hip[sample] + 0.5 * foot[sample])
+            assert np.allclose(mass[sample], 0.5 * hip[sample] + 0.5 * foot[sample])
         below = np.array(scene.frame(time))[300:320].reshape(-1, 3)
         assert not any((below == rgb(colour)).all(axis=1).any() for colour in (STANCE, SWING))
 
 
-def test_the_camera_keeps_the_walker_in_the_picture(columns, phases):
-    walk = Walk.of(columns)
-    scene = Scene.of(walk, phases)
-    x = np.array([scene.stage(sample).place(walk.hip[sample])[0] for sample in range(len(walk.time))])
+def test_the_camera_keeps_the_robot_in_the_picture(motion, phases):
+    scene = Scene.of(motion, phases)
+    x = np.array([scene.stage(sample).place(at)[0] for sample, at in enumerate(motion.base)])
     assert np.all(np.abs(x - SIZE[0] / 2) < 50)
     assert np.all(np.diff(scene.camera) > 0)
 
@@ -106,9 +100,9 @@ def test_without_the_extra_an_mp4_says_how_to_get_it(until, phases, tmp_path, mo
         animate({"": until(0.1)}, tmp_path / "gait.mp4", phases)
 
 
-def test_walks_side_by_side_each_are_what_they_are_alone(until, phases):
-    walks = [Walk.of(until(seconds)) for seconds in (1.0, 0.4, 0.7)]
-    scenes = tuple(Scene.of(walk, phases, f"seed {number}") for number, walk in enumerate(walks))
+def test_motions_side_by_side_each_are_what_they_are_alone(until, phases):
+    motions = [until(seconds) for seconds in (1.0, 0.4, 0.7)]
+    scenes = tuple(Scene.of(motion, phases, f"seed {number}") for number, motion in enumerate(motions))
     together = SideBySide(scenes)
     assert together.size == (2 * SIZE[0], 2 * SIZE[1])
     for time in (0.2, 0.9):
@@ -120,13 +114,13 @@ def test_walks_side_by_side_each_are_what_they_are_alone(until, phases):
         assert np.all(frame[SIZE[1] :, SIZE[0] :] == 255)
 
 
-def test_a_title_tells_walks_apart(until, phases):
-    plain, titled = (Scene.of(Walk.of(until(0.2)), phases, title).frame(0.1) for title in ("", "seed 3"))
+def test_a_title_distinguishes_motions(until, phases):
+    plain, titled = (Scene.of(until(0.2), phases, title).frame(0.1) for title in ("", "seed 3"))
     changed = np.argwhere(np.any(np.asarray(plain) != np.asarray(titled), axis=-1))
     assert 50 < changed[:, 0].min() < changed[:, 0].max() < 75
 
 
-def test_a_film_lasts_as_long_as_its_longest_walk(until, phases, tmp_path):
+def test_a_film_lasts_as_long_as_its_longest_motion(until, phases, tmp_path):
     animate({"short": until(0.2), "long": until(0.4)}, tmp_path / "both.gif", phases)
     assert len(list(frames_of(tmp_path / "both.gif"))) == 10
 
@@ -136,8 +130,9 @@ def test_another_suffix_is_refused(until, phases, tmp_path):
         animate({"": until(0.1)}, tmp_path / "gait.webm", phases)
 
 
-def test_a_single_sample_and_long_legs_are_filmed(until, phases, tmp_path):
+def test_a_single_sample_and_long_legs_are_filmed(until, columns, motion_of, phases, tmp_path):
     animate({"": until(0.0)}, tmp_path / "moment.gif", phases)
     assert len(list(frames_of(tmp_path / "moment.gif"))) == 1
-    animate({"": until(0.2)}, tmp_path / "long.gif", phases, CompassParameters(a=2.0, hip_mass=0.1))
+    long = motion_of(columns, CompassParameters(a=2.0, hip_mass=0.1)).part(0, 21)
+    animate({"": long}, tmp_path / "long.gif", phases)
     assert len(list(frames_of(tmp_path / "long.gif"))) == 5

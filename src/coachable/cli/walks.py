@@ -46,7 +46,7 @@ def watch(
     seconds: Annotated[float, arg(help="How much of the walk.")] = 10.0,
     semantics: Annotated[Semantics, arg(help="Of a baseline; a run has its own.")] = "paper",
 ) -> None:
-    """Draw a walk: the walker on the ground, its phase in colour.
+    """Draw a walk: the robot on the ground, its phase in colour.
 
     For example:
 
@@ -57,7 +57,7 @@ def watch(
         coachable watch runs/walker2d --setup described --seed 0 1 -o walker2d.gif
         coachable watch runs/paper/counterexamples/orthant-3-1.json -o fall.gif
     """
-    from coachable.viewing.watch import draw_walks, require_drawable
+    from coachable.viewing.watch import draw_motions, require_drawable
 
     require_drawable(out)
     if not seconds > 0:
@@ -88,8 +88,8 @@ def watch(
         walks = [walk_of_lane(opened, setup, number, which, seconds) for number in seeds]
         who = f"{setup}, seed{'s' * (len(walks) > 1)} {', '.join(map(str, seeds))}, {which} policy"
     titles = [walk.title if len(walks) > 1 else "" for walk in walks]
-    trajectories = {title: walk.trajectory for title, walk in zip(titles, walks, strict=True)}
-    draw_walks(trajectories, out, walks[0].behaviour.phases, walks[0].parameters)
+    motions = {title: walk.motion for title, walk in zip(titles, walks, strict=True)}
+    draw_motions(motions, out, walks[0].behaviour.phases)
     print(f"{out}: {who}")
 
 

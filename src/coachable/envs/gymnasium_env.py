@@ -134,7 +134,7 @@ class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self._weights = np.array(self.task.weights)
         self._state: WalkingState | None = None
         self._ended = True
-        self._first_leg_stands = True
+        self._touchdowns = 0
         self._window: Window | None = None
 
     def reset(
@@ -147,7 +147,7 @@ class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             state, phase = begin_run(self.task, x0)
         else:
             state, phase = begin_episode(self.task, x0, self._state)
-        self._state, self._ended, self._first_leg_stands = state, False, True
+        self._state, self._ended, self._touchdowns = state, False, 0
         return self._tell(facts_of_start(state, phase))
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -160,8 +160,7 @@ class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             raise ResetNeeded("the episode is over, or none has begun; call reset()")
         state, timestep = step(self.task, self._state, control)
         timestep = jax.device_get(timestep)
-        if timestep.foot_x != self._facts["foot_x"]:
-            self._first_leg_stands = not self._first_leg_stands
+        self._touchdowns += int(timestep.foot_x != self._facts["foot_x"])
         self._state, self._ended = state, bool(timestep.terminated)
         terminated, truncated = ended(timestep, self.truncate)
         observation, info = self._tell(facts_of_step(timestep))
@@ -195,7 +194,7 @@ class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     def _picture(self) -> Image:
         if self._state is None:
             raise ResetNeeded("there is nothing to see before reset()")
-        return picture(self, np.asarray(self._state.observation), self._facts, self._first_leg_stands)
+        return picture(self, np.asarray(self._state.observation), self._facts, self._touchdowns)
 
 
 def ended(timestep: Timestep, truncate: bool) -> tuple[np.ndarray | np.bool_, np.ndarray | np.bool_]:
@@ -204,13 +203,11 @@ def ended(timestep: Timestep, truncate: bool) -> tuple[np.ndarray | np.bool_, np
     return (fell, over & ~fell) if truncate else (over, np.zeros_like(over))
 
 
-def picture(env: PlantEnv, x: Float[np.ndarray, "4"], facts: Facts, first_leg_stands: bool) -> Image:
-    """A walker of this environment at state x."""
-    from coachable.drawing.pose import Pose
+def picture(env: PlantEnv, x: Float[np.ndarray, " state"], facts: Facts, touchdowns: int) -> Image:
+    """A robot of this environment at state x, after so many touchdowns."""
     from coachable.drawing.stage import draw_instant
 
-    parameters = env.task.plant.parameters
-    theta_1, theta_2 = np.asarray(x[0]), np.asarray(x[1])
-    pose = Pose.of(theta_1, theta_2, np.asarray(facts["foot_x"]), parameters)
+    plant = env.task.plant
+    points = plant.kinematics(np.asarray(x), np.asarray(facts["foot_x"]))
     phase, time = int(facts["phase"]), float(facts["time"])
-    return draw_instant(pose, first_leg_stands, env.behaviour.phases, phase, time, parameters)
+    return draw_instant(plant.skeleton, points, touchdowns, env.behaviour.phases, phase, time)

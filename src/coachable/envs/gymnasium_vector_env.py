@@ -107,7 +107,7 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarr
         self._ended = self._ended & ~chosen
         if chosen.all():
             self._facts, self._observations = begun, self._x0.copy()
-            self._first_leg_stands = np.ones(self.num_envs, bool)
+            self._touchdowns = np.zeros(self.num_envs, int)
         else:
             self._put(chosen, begun)
         info = masked(info_of(only(self._facts, chosen), self._weights), chosen)
@@ -130,7 +130,7 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarr
             begun = self._begin(waiting, np.zeros(self.num_envs, bool))
         self._states, timesteps = step_all(self._one.task, self._states, controls, waiting)
         timesteps = jax.device_get(timesteps)
-        self._first_leg_stands ^= timesteps.foot_x != self._facts["foot_x"]
+        self._touchdowns += timesteps.foot_x != self._facts["foot_x"]
         self._observations, self._facts = np.array(timesteps.observation), facts_of_step(timesteps)
         rewards = timesteps.reward.astype(np.float64)
         terminated, truncated = map(np.asarray, ended(timesteps, self._one.truncate))
@@ -153,7 +153,7 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarr
         if not self._began.all():
             raise ResetNeeded("there is nothing to see before reset()")
         return tuple(
-            np.asarray(picture(self._one, x, self._facts_of(walker), bool(self._first_leg_stands[walker])))
+            np.asarray(picture(self._one, x, self._facts_of(walker), int(self._touchdowns[walker])))
             for walker, x in enumerate(self._observations)
         )
 
@@ -204,7 +204,7 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarr
         for name, values in begun.items():
             self._facts[name][chosen] = values[chosen]
         self._observations[chosen] = self._x0[chosen]
-        self._first_leg_stands[chosen] = True
+        self._touchdowns[chosen] = 0
 
     def _facts_of(self, walker: int) -> Facts:
         return {name: np.asarray(values[walker]) for name, values in self._facts.items()}

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import jax
-from jaxtyping import Array, Float
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.rollout import Trajectory
 from coachable.envs.rollout import rollout as roll_out
-from coachable.envs.walking_task import NO_BOX, Clock, make_task
+from coachable.envs.walking_task import NO_BOX, make_task
 from coachable.experiments.experiment import Experiment
 from coachable.experiments.plan import load_plan, with_options
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.runner import run_experiment
-from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
+from coachable.plants.plant import Controller, Plant
+from coachable.plants.sampled import Clock
 from coachable.rewards.setup import PAPER_SETUPS, Semantics
 
 
@@ -49,28 +48,29 @@ def train(
 
 
 def rollout(
-    controller: Callable[[Float[Array, "4"]], Float[Array, "2"]],
+    controller: Controller,
     seconds: float = 10.0,
     *,
     semantics: Semantics = "paper",
     clock: Clock | None = None,
-    parameters: CompassParameters = PAPER_PARAMETERS,
+    plant: Plant | str = "compass",
     behaviour: Behaviour | None = None,
 ) -> Trajectory:
-    """Roll out a policy, or any controller x ↦ u, from the paper's start until a fall or the end of the time.
+    """Roll out a policy, or any controller x ↦ u, from a plant's start until a fall or the end of the time.
 
-    **Arguments:** `controller`, from the state (θ1, θ2, θ̇1, θ̇2) [rad, rad/s] to the torques (ankle, hip) [N
-    m], in JAX; `seconds` at most; `clock`, by default the policy's own, else `free`; `behaviour`, whose
-    phases the trajectory names, by default the semantics' compass walking.
+    **Arguments:** `controller`, from the plant's state to its control, in JAX, of the compass walker from
+    (θ1, θ2, θ̇1, θ̇2) [rad, rad/s] to the torques (ankle, hip) [N m]; `seconds` at most; `clock`, by default
+    the policy's own, else `free`; `plant`, or its name; `behaviour`, whose phases the trajectory names, by
+    default the one that ships for the plant.
 
-    **Returns:** NumPy arrays by name: time, state, torque, foot, phase, and the reward's terms without
+    **Returns:** NumPy arrays by name: time, state, control, foot, phase, and the reward's terms without
     weights.
     """
     task = make_task(
         PAPER_SETUPS["sparse"],
         semantics,
         clock=clock or getattr(controller, "clock", "free"),
-        parameters=parameters,
+        plant=plant,
         behaviour=behaviour,
         seconds=seconds,
         box=NO_BOX,

@@ -19,6 +19,7 @@ from coachable.plants.disturbances import Disturbances, Kick
 from coachable.plants.equations import Equations
 from coachable.plants.impact_algebra import ImpactAlgebra
 from coachable.plants.restated import Restated
+from coachable.plants.skeleton import Skeleton
 
 Controller = Callable[[Float[Array, " state"]], Float[Array, " control"]]
 """From a state to the control to be applied there."""
@@ -249,3 +250,22 @@ class Plant(Dynamics):
         coordinate of a start; `seconds`, the longest that an episode lasts.
         """
         return np.full(len(self.state_names), np.inf, np.float32)
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """What of the robot is drawn.
+
+        **Raises:** `ParameterError` if the plant does not define it.
+        """
+        raise ParameterError(f"{self.name} does not define its skeleton, so it cannot be drawn")
+
+    def kinematics(
+        self, states: Float[np.ndarray, "*samples state"], foot_x: Float[np.ndarray, "*samples"]
+    ) -> Float[np.ndarray, "*samples points 2"]:
+        """Return (x, z) of the skeleton's points [m], the ground at z = 0.
+
+        **Arguments:** `states`, at one instant or at many; `foot_x`, where the stance foot is [m].
+
+        **Raises:** `ParameterError` if the plant does not define it.
+        """
+        raise ParameterError(f"{self.name} does not define its kinematics, so it cannot be drawn")

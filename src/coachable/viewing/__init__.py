@@ -1,1 +1,1 @@
-"""Looking at a walk: a strobe picture, a gif, a film."""
+"""Looking at a motion: a strobe picture, a gif, a film."""

@@ -1,4 +1,4 @@
-"""A walk as a moving picture: gif with what is always installed, mp4 with the [video] extra."""
+"""A motion as a moving picture: gif with what is always installed, mp4 with the [video] extra."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from PIL import Image
 
+from coachable.drawing.motion import Motion
 from coachable.drawing.stage import NamedPhase
 from coachable.foundation.errors import CoachableError, MissingExtraError
-from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
 from coachable.viewing.scene import Scene, SideBySide
-from coachable.viewing.walk import Walk
 
 GIF_FPS = 25
 """Gifs count time in hundredths of a second: 25 frames a second are exact, and show every fourth sample."""
@@ -25,29 +24,23 @@ _LAST_FRAME = 1_000
 """How long a gif rests before it begins again [ms]."""
 
 
-def animate(
-    trajectories: Mapping[str, object],
-    path: Path,
-    phases: Sequence[NamedPhase],
-    parameters: CompassParameters = PAPER_PARAMETERS,
-) -> None:
-    """Write walks as a film in real time: each walker, its phase, the time, the distance.
+def animate(motions: Mapping[str, Motion], path: Path, phases: Sequence[NamedPhase]) -> None:
+    """Write motions as a film in real time: each robot, its phase, the time, the distance.
 
     Each has 640 × 360 pixels, several side by side, in rows that are about as many as columns. The film lasts
-    as long as the longest walk.
+    as long as the longest motion.
 
-    The stance leg is blue and the swing leg orange; the leg masses are filled on one leg and hollow on the
-    other. The strip at the bottom tells the phases over the whole time.
+    The stance leg is blue, other legs are orange; masses are filled on the leg that stood first and hollow on
+    the others. The strip at the bottom shows the phases over the whole time.
 
-    **Arguments:** `trajectories` as in `Walk.of`, by title; `path`, which ends in `.gif` or `.mp4`; `phases`
-    of the behaviour, in its order.
+    **Arguments:** `motions` by title; `path`, which ends in `.gif` or `.mp4`; `phases` of the behaviour, in
+    its order.
 
     **Raises:** `MissingExtraError` for an mp4 without the [video] extra, `CoachableError` for another suffix.
     """
-    walks = {title: Walk.of(trajectory, parameters) for title, trajectory in trajectories.items()}
-    scenes = SideBySide(tuple(Scene.of(walk, phases, title) for title, walk in walks.items()))
-    start = min(walk.time[0] for walk in walks.values())
-    write_film(path, scenes, float(start), max(walk.seconds for walk in walks.values()))
+    scenes = SideBySide(tuple(Scene.of(motion, phases, title) for title, motion in motions.items()))
+    start = min(motion.time[0] for motion in motions.values())
+    write_film(path, scenes, float(start), max(motion.seconds for motion in motions.values()))
 
 
 @runtime_checkable

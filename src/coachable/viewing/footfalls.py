@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from coachable.drawing.motion import runs_of
 from coachable.foundation.style import FAINT, INK, STANCE, SWING, drawing
-from coachable.viewing.walk import runs_of
 
 WIDTH = 7.16
 """Both columns of a two-column page [in]."""

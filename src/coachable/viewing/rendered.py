@@ -10,13 +10,13 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from PIL import Image
 
+from coachable.drawing.motion import runs_of
 from coachable.drawing.pen import FINER, Pen
 from coachable.drawing.stage import NamedPhase
 from coachable.foundation.errors import CoachableError
 from coachable.foundation.style import FAINT, INK, PAGE, phase_colours
 from coachable.viewing.animation import write_film
 from coachable.viewing.side_view import SIDE
-from coachable.viewing.walk import runs_of
 
 _WORDS = 56
 """Height of what is below it: the phase, and the phases over time."""

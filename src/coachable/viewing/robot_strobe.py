@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from coachable.drawing.motion import runs_of
 from coachable.foundation.style import FAINT, INK, drawing, phase_colours
 from coachable.viewing.side_view import SideView
 from coachable.viewing.strobe import FAINTEST, WIDTH, faded, write
-from coachable.viewing.walk import runs_of
 
 STROBE_SECONDS = 1.5
 """How much of a walk is shown."""

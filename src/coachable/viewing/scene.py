@@ -1,4 +1,4 @@
-"""The frames of a film: the walker on the ground, the camera with it, its phase told by colour and name."""
+"""The frames of a film: the robot on the ground, the camera with it, its phase by colour and name."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from jaxtyping import Float
 from PIL import Image
 from scipy.ndimage import gaussian_filter1d
 
+from coachable.drawing.motion import Motion, runs_of
 from coachable.drawing.pen import FINER, Pen
 from coachable.drawing.stage import HEIGHT, WIDTH, NamedPhase, Stage, blank_page, draw_words
 from coachable.foundation.style import FAINT, HAIRLINE, INK, PAGE, phase_colours
-from coachable.viewing.walk import Walk, runs_of
 
 _STRIP_LEFT, _STRIP_TOP, _STRIP_RIGHT, _STRIP_BOTTOM = 24.0, 326.0, 616.0, 338.0
 """The phases over time."""
 _CAMERA_SECONDS = 0.35
 """Over which the camera's motion is smoothed."""
 _TRACE_SECONDS = 1.2
-"""How far back the hip's path is shown."""
+"""How far back the base's path is shown."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A walk with all that its frames have in common."""
+    """A motion with all that its frames have in common."""
 
-    walk: Walk
+    motion: Motion
     phases: tuple[NamedPhase, ...]
     camera: Float[np.ndarray, " samples"]
     """The x in the middle of the picture [m]."""
@@ -36,37 +36,37 @@ class Scene:
     """What never moves: the page, the title, and the phases over time."""
 
     @staticmethod
-    def of(walk: Walk, phases: Sequence[NamedPhase], title: str = "") -> Scene:
-        """The scene of a walk with the phases of its behaviour, and a title that tells it from others."""
-        spacing = walk.seconds / max(1, len(walk.time) - 1) or 1.0
-        camera = gaussian_filter1d(walk.hip[:, 0], _CAMERA_SECONDS / spacing, mode="nearest")
-        return Scene(walk, tuple(phases), camera, _backdrop(walk, phases, title))
+    def of(motion: Motion, phases: Sequence[NamedPhase], title: str = "") -> Scene:
+        """The scene of a motion with the phases of its behaviour, and a title that distinguishes it."""
+        spacing = motion.seconds / max(1, len(motion.time) - 1) or 1.0
+        camera = gaussian_filter1d(motion.base[:, 0], _CAMERA_SECONDS / spacing, mode="nearest")
+        return Scene(motion, tuple(phases), camera, _backdrop(motion, phases, title))
 
     def stage(self, sample: int) -> Stage:
         """Where the camera looks at a sample."""
-        return Stage(self.walk.parameters, float(self.camera[sample]))
+        return Stage(self.motion.skeleton, float(self.camera[sample]))
 
     def frame(self, time: float) -> Image.Image:
-        """The picture at a time [s] of the walk."""
-        sample = self.walk.at(time)
+        """The picture at a time [s]."""
+        motion = self.motion
+        sample = motion.at(time)
         stage, image = self.stage(sample), self.backdrop.copy()
         pen = Pen(image)
         self._draw_where_it_was(pen, stage, sample)
-        stage.draw_walker(pen, self.walk.pose(sample), bool(self.walk.first_leg_stands[sample]))
+        stage.draw_robot(pen, motion.points[sample], int(motion.touchdowns[sample]))
         stage.draw_ground(image, self.backdrop)
-        walk = self.walk
-        phase, time, hip_x = walk.phase[sample], walk.time[sample], walk.hip[sample, 0]
-        draw_words(pen, self.phases, int(phase), float(time), float(hip_x))
-        now = _along_strip(walk, sample)
+        phase, time, base_x = motion.phase[sample], motion.time[sample], motion.base[sample, 0]
+        draw_words(pen, self.phases, int(phase), float(time), float(base_x))
+        now = _along_strip(motion, sample)
         pen.box(now - 1, _STRIP_TOP - 4, now + 1, _STRIP_BOTTOM + 4, INK)
         return image.reduce(FINER)
 
     def _draw_where_it_was(self, pen: Pen, stage: Stage, sample: int) -> None:
-        """The hip's path, and the places where feet stood."""
-        walk = self.walk
-        start = walk.at(walk.time[sample] - _TRACE_SECONDS)
-        pen.line([stage.place(point) for point in walk.hip[start : sample + 1]], 2, HAIRLINE)
-        for earlier in np.unique(walk.stance_foot[: sample + 1, 0]):
+        """The base's path, and the places where feet stood."""
+        motion = self.motion
+        start = motion.at(motion.time[sample] - _TRACE_SECONDS)
+        pen.line([stage.place(point) for point in motion.base[start : sample + 1]], 2, HAIRLINE)
+        for earlier in np.unique(motion.foot_x[: sample + 1]):
             pen.disc(stage.place(np.array([earlier, 0.0])), 5, HAIRLINE)
 
 
@@ -87,7 +87,7 @@ class SideBySide:
         return WIDTH * self.columns, HEIGHT * math.ceil(len(self.scenes) / self.columns)
 
     def frame(self, time: float) -> Image.Image:
-        """The picture at a time [s]; a walk that has ended stays as it ended."""
+        """The picture at a time [s]; a motion that has ended stays as it ended."""
         sheet = Image.new("RGB", self.size, PAGE)
         for place, scene in enumerate(self.scenes):
             row, column = divmod(place, self.columns)
@@ -95,17 +95,21 @@ class SideBySide:
         return sheet
 
 
-def _backdrop(walk: Walk, phases: Sequence[NamedPhase], title: str) -> Image.Image:
+def _backdrop(motion: Motion, phases: Sequence[NamedPhase], title: str) -> Image.Image:
     image = blank_page()
     pen, colours = Pen(image), phase_colours(len(phases))
     pen.text((24, 62), title, 13, FAINT, "lm", bold=True)
-    for phase, start, stop in runs_of(walk.phase):
+    for phase, start, stop in runs_of(motion.phase):
         pen.box(
-            _along_strip(walk, start), _STRIP_TOP, _along_strip(walk, stop), _STRIP_BOTTOM, colours[phase]
+            _along_strip(motion, start),
+            _STRIP_TOP,
+            _along_strip(motion, stop),
+            _STRIP_BOTTOM,
+            colours[phase],
         )
     return image
 
 
-def _along_strip(walk: Walk, sample: int) -> float:
+def _along_strip(motion: Motion, sample: int) -> float:
     """Where a sample is on the strip of phases over time."""
-    return _STRIP_LEFT + (_STRIP_RIGHT - _STRIP_LEFT) * walk.progress(sample)
+    return _STRIP_LEFT + (_STRIP_RIGHT - _STRIP_LEFT) * motion.progress(sample)

@@ -78,7 +78,7 @@ class StudyReport:
         }
         for lane in lanes:
             lane["walk"] = packed_walk(self.walks[lane["name"]]) if id(lane) in chosen else None
-        plant = problem.plant
+        plant: Any = problem.plant.parameters
         return {
             "label": self.label,
             "distance": "hip" if problem.distance == "hip_x" else "stance foot",

@@ -23,6 +23,7 @@ from coachable.plants.equations import Equations
 from coachable.plants.impact_algebra import ImpactAlgebra
 from coachable.plants.plant import Controller, Dynamics, Event, Plant
 from coachable.plants.restated import Restated
+from coachable.plants.skeleton import PointMass, Segment, Skeleton
 
 _BEHAVIOURS = {"paper": "compass-walking", "released-code": "compass-walking-released"}
 
@@ -301,3 +302,36 @@ class CompassWalker(Plant):
         """
         p = self.parameters
         return p.stance_inertia - p.leg_mass * p.leg_length**2 * cos**2
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """Two legs from foot to hip, a mass on each and one at the hip."""
+        p = self.parameters
+        return Skeleton(
+            points=("hip", "stance_foot", "swing_foot", "stance_mass", "swing_mass"),
+            base="hip",
+            segments=(Segment(("stance_foot", "hip"), leg=0), Segment(("swing_foot", "hip"), leg=1)),
+            masses=(
+                PointMass("stance_mass", p.leg_mass, leg=0),
+                PointMass("swing_mass", p.leg_mass, leg=1),
+                PointMass("hip", p.hip_mass),
+            ),
+            height=p.leg_length,
+        )
+
+    def kinematics(
+        self, states: Float[np.ndarray, "*samples 4"], foot_x: Float[np.ndarray, "*samples"]
+    ) -> Float[np.ndarray, "*samples 5 2"]:
+        """Return (x, z) of the hip, the feet and the legs' masses [m], of each the stance leg's first.
+
+        Hip = stance foot + l (−sin θ₁, cos θ₁), swing foot = hip + l (sin θ₂, −cos θ₂); each leg's mass is
+        on its leg, a above the foot.
+        """
+        p, theta_1, theta_2 = self.parameters, states[..., 0], states[..., 1]
+        stance_foot = np.stack([foot_x, np.zeros_like(foot_x)], axis=-1)
+        up_the_stance_leg = np.stack([-np.sin(theta_1), np.cos(theta_1)], axis=-1)
+        down_the_swing_leg = np.stack([np.sin(theta_2), -np.cos(theta_2)], axis=-1)
+        hip = stance_foot + p.leg_length * up_the_stance_leg
+        swing_foot = hip + p.leg_length * down_the_swing_leg
+        stance_mass, swing_mass = stance_foot + p.a * up_the_stance_leg, hip + p.b * down_the_swing_leg
+        return np.stack([hip, stance_foot, swing_foot, stance_mass, swing_mass], axis=-2)

@@ -16,11 +16,12 @@ from coachable.automata.tracker import Tracker
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.text.parser import parse
 from coachable.behaviours.text.printer import to_text
-from coachable.experiments.walks import WalkToShow
+from coachable.drawing.motion import Motion
+from coachable.experiments.walks import TitledMotion
 from coachable.foundation.data import json_text, parse_json, structure
 from coachable.foundation.errors import CoachableError, RunFolderError
 from coachable.foundation.files import read_bytes, write_atomic
-from coachable.plants.named import name_of
+from coachable.plants.named import name_of, parameters_from, plant_class
 from coachable.plants.plant import Plant
 from coachable.verification.falsification.falsify import Counterexample, Falsification
 
@@ -56,8 +57,8 @@ def write_counterexamples(
     return paths
 
 
-def load_counterexample(path: Path) -> WalkToShow:
-    """The walk of a counterexample's file, to be drawn.
+def load_counterexample(path: Path) -> TitledMotion:
+    """The motion of a counterexample's file, to be drawn.
 
     **Raises:** `RunFolderError` if the file is missing, of another version, or damaged.
     """
@@ -70,21 +71,19 @@ def load_counterexample(path: Path) -> WalkToShow:
         )
     damaged = f"{path} is damaged, or no counterexample"
     file = structure(_File, data, damaged, RunFolderError)
-    if missing := [name for name in _COLUMNS if name not in file.walk]:
-        raise RunFolderError(f"{damaged}: walk lacks {missing[0]!r}")
-    walk = {name: np.array(file.walk[name]) for name in _COLUMNS}
-    if len({len(column) for column in walk.values()}) != 1 or not len(walk["t"]):
-        raise RunFolderError(f"{path} is damaged: the columns of its walk are not of one length")
     try:
-        behaviour = parse(file.behaviour)
+        kind = plant_class(file.plant_class)
+        plant, behaviour = kind(parameters_from(kind, file.plant)), parse(file.behaviour)
     except CoachableError as error:
         raise RunFolderError(f"{damaged}: {error}") from None
-    return WalkToShow(
-        title=f"{file.lane}, counterexample {file.number}",
-        trajectory=walk | {"phase": walk["phase"].astype(int)},
-        behaviour=behaviour,
-        parameters=file.plant,
-    )
+    columns = ("t", *plant.state_names, *plant.control_names, "foot_x", "phase")
+    if missing := [name for name in columns if name not in file.walk]:
+        raise RunFolderError(f"{damaged}: walk lacks {missing[0]!r}")
+    walk = {name: np.array(file.walk[name]) for name in columns}
+    if len({len(column) for column in walk.values()}) != 1 or not len(walk["t"]):
+        raise RunFolderError(f"{path} is damaged: the columns of its walk are not of one length")
+    motion = Motion.of(plant, walk | {"phase": walk["phase"].astype(int)})
+    return TitledMotion(f"{file.lane}, counterexample {file.number}", motion, behaviour)
 
 
 @dataclass(frozen=True)
@@ -101,10 +100,12 @@ class _File:
     disturbance: tuple[tuple[float, ...], ...]
     clock: str
     seconds: float
-    plant: CompassParameters
+    plant: Mapping[str, float]
     falls_after: Mapping[str, float]
     behaviour: str
     walk: Mapping[str, tuple[float, ...]]
+    plant_class: str = "compass"
+    """Files of the compass walker from before there were other plants do not name it."""
 
 
 def _data(
