@@ -7,7 +7,6 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from coachable.automata.tracker import Memory
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.squashing import SQUASHINGS, Squashing
@@ -19,7 +18,8 @@ from coachable.plants.compass import PAPER_PARAMETERS, START, CompassParameters,
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
 from coachable.plants.integrate import Advance, advance
 from coachable.plants.outcome import Outcome
-from coachable.rewards.phase_reward import PhaseReward, Variant
+from coachable.rewards.described_reward import DescribedReward, RewardMemory
+from coachable.rewards.forms import RewardForm
 from coachable.rewards.setup import RewardSetup, Semantics
 from coachable.rewards.terms import StepFacts, full_reward, reward_terms
 
@@ -43,8 +43,8 @@ class WalkingState(eqx.Module):
     observation: Float[Array, "4"]
     """x, except right after a shared evaluation moved the walker."""
     hip_x: Float[Array, ""]
-    memory: Memory
-    """Location before the next step, or `PhaseReward.none_yet`, and what dwell times need."""
+    memory: RewardMemory
+    """What the behaviour's reward remembers: the location before the next step, and more."""
     control: Float[Array, "2"]
     """Torque of the step before."""
     num_steps: Int[Array, ""]
@@ -69,11 +69,11 @@ class WalkingTask(Task):
     """
 
     plant: CompassWalker
-    phase_reward: PhaseReward
     x0: Float[Array, "4"]
     weights: Float[Array, "5"]
     low: Float[Array, "2"]
     high: Float[Array, "2"]
+    behaviour_reward: DescribedReward = eqx.field(static=True)
     semantics: Semantics = eqx.field(static=True, default="paper")
     clock: Clock = eqx.field(static=True, default="free")
     squashing: Squashing = eqx.field(static=True, default="clip")
@@ -106,7 +106,8 @@ class WalkingTask(Task):
         """Return the state in which a run starts: at x0, the stance foot at 0. Nothing is random."""
         dtype, count = self.x0.dtype, jnp.zeros((), jnp.int32)
         zero = jnp.zeros((), dtype)
-        remember = self.phase_reward.start if self.semantics == "paper" else self.phase_reward.before_all
+        reward = self.behaviour_reward
+        remember = reward.init if self.semantics == "paper" else reward.init_unseen
         return WalkingState(
             x=self.x0,
             foot_x=zero,
@@ -126,7 +127,9 @@ class WalkingTask(Task):
 
         def outlives(s):
             return (
-                s.total_steps if self.semantics == "paper" else (s.total_steps, s.memory.location, s.control)
+                s.total_steps
+                if self.semantics == "paper"
+                else (s.total_steps, s.memory.phase.location, s.control)
             )
 
         return eqx.tree_at(outlives, self.init(), outlives(state))
@@ -137,7 +140,7 @@ class WalkingTask(Task):
 
     def locate(self, x: Float[Array, "4"]) -> Int[Array, ""]:
         """Return the location of a state: a phase of the behaviour, or K outside."""
-        return self.phase_reward.locate(self._signals(x))
+        return self.behaviour_reward.tracker.classifier(self._signals(x))
 
     def step(self, state: WalkingState, action: Float[Array, "2"]) -> tuple[WalkingState, Timestep]:
         """Hold the action, squashed into the box, for one control step and pay for where it led."""
@@ -161,9 +164,11 @@ class WalkingTask(Task):
             time_is_up = time >= self.seconds - 1e-3 * self.control_dt  # sums of short steps are not exact
 
         hip_x = self.plant.hip(x, foot_x)[0]
-        memory, move = self.phase_reward.tracker.advance(state.memory, self._signals(x), moved.elapsed)
+        terminated, reward = fell | time_is_up, self.behaviour_reward
+        memory, paid, info = reward.step(state.memory, self._signals(x), terminated, moved.elapsed)
         facts = StepFacts(
-            move=move,
+            r_or=paid,
+            unseen=state.memory.phase.location == reward.tracker.none_yet,
             hip_x=hip_x,
             previous_hip_x=state.hip_x,
             foot_x=foot_x,
@@ -173,18 +178,18 @@ class WalkingTask(Task):
             fell=fell,
             time_is_up=time_is_up,
         )
-        terms = reward_terms(self.phase_reward, facts, self.semantics)
+        terms = reward_terms(facts, self.semantics)
         timestep = Timestep(
             observation=x,
             reward=full_reward(self.weights, terms),
-            terminated=fell | time_is_up,
+            terminated=terminated,
             truncated=jnp.zeros((), bool),
             fell=fell,
             terms=terms,
             hip_x=hip_x,
             foot_x=foot_x,
             time=time,
-            phase=move.location,
+            phase=info.phase,
             control=control,
         )
         after = WalkingState(
@@ -204,7 +209,7 @@ class WalkingTask(Task):
 
     def _signals(self, x: Float[Array, "4"]) -> Float[Array, " signals"]:
         """Return what the behaviour speaks of."""
-        return self.plant.signals(x, self.phase_reward.classifier.signals)
+        return self.plant.signals(x, self.behaviour_reward.behaviour.signal_names)
 
     def _advance(self, state: WalkingState, control: Float[Array, "2"]) -> Advance:
         """Move the plant, under the chatter rule of the semantics and the clock."""
@@ -236,7 +241,7 @@ class WalkingTask(Task):
 def make_task(
     setup: RewardSetup,
     semantics: Semantics = "paper",
-    reward_variant: Variant | None = None,
+    reward_variant: RewardForm | str | None = None,
     clock: Clock = "free",
     parameters: CompassParameters = PAPER_PARAMETERS,
     behaviour: Behaviour | None = None,
@@ -276,7 +281,9 @@ def make_task(
     behaviour = behaviour or load_behaviour("compass-walking" if paper else "compass-walking-released")
     task = WalkingTask(
         plant=CompassWalker(parameters, backward_passing_counts=not paper),
-        phase_reward=PhaseReward.of(behaviour, reward_variant or ("stay" if paper else "released")),
+        behaviour_reward=DescribedReward(
+            behaviour, reward_variant or ("stay" if paper else "released"), WalkingTask.control_dt
+        ),
         x0=jnp.asarray(START),
         weights=jnp.asarray(setup.weights),
         low=jnp.asarray(box[0]),
@@ -287,7 +294,7 @@ def make_task(
         seconds=seconds,
         shared_evaluation_every=shared_evaluation_every,
     )
-    task.plant.signals(task.x0, task.phase_reward.classifier.signals)
+    task.plant.signals(task.x0, task.behaviour_reward.behaviour.signal_names)
     return task
 
 

@@ -16,7 +16,7 @@ from coachable.experiments.plan import Study, load_plan, with_options
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.runner import run_study
 from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
-from coachable.rewards.phase_reward import Variant
+from coachable.rewards.forms import Variant
 from coachable.rewards.setup import PAPER_SETUPS, Semantics
 
 

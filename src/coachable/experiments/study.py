@@ -14,7 +14,7 @@ from coachable.foundation.suggestion import suggestion
 from coachable.foundation.toml_writer import toml_text
 from coachable.learning.config import PPOConfig
 from coachable.plants.compass import CompassParameters
-from coachable.rewards.phase_reward import VARIANTS, Variant
+from coachable.rewards.forms import VARIANTS, Variant
 from coachable.rewards.setup import PAPER_SETUPS, RewardSetup, Semantics
 
 CHOICES = {

@@ -18,7 +18,7 @@ from coachable.foundation.data import seeds, table, text_of, typed, types
 from coachable.foundation.errors import PlanError
 from coachable.foundation.suggestion import suggestion
 from coachable.foundation.toml_writer import toml_text
-from coachable.rewards.phase_reward import Variant
+from coachable.rewards.forms import Variant
 
 TRAINERS = ("sb3-ppo", "sb3-sac", "sb3-td3")
 EVALUATION_SEED = 1_000_000
