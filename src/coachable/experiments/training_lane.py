@@ -15,7 +15,7 @@ import numpy as np
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.behaviour_reward import BehaviourReward
-from coachable.envs.signals.reading import SignalFunction
+from coachable.envs.signals.sources import signal_sources
 from coachable.experiments.lane_processes import News, Tell
 from coachable.experiments.layout import evaluation_steps
 from coachable.experiments.log import Columns, Log
@@ -76,24 +76,13 @@ def make_env(
     return BehaviourReward(
         OwnReward(env, setup.terms),
         behaviour,
-        signals=signal_functions(training),
+        signals=signal_sources(training.signals),
         weight=setup.weight,
         replace=setup.replace,
-        variant=setup.reward_variant,
+        form=setup.reward_variant,
         cycle_bonus=setup.cycle_bonus,
-        append_phase=setup.append_phase,
+        observe="memory" if setup.append_phase else "nothing",
     )
-
-
-def signal_functions(training: Training) -> dict[str, SignalFunction] | None:
-    """Where the plan says that the signals are; `None` if they are the environment's pack's."""
-    return {name: _reader(source) for name, source in training.signals.items()} or None
-
-
-def _reader(source: int | str) -> SignalFunction:
-    if isinstance(source, int):
-        return lambda env, observation, info: observation[source]
-    return lambda env, observation, info: info[source]
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,9 +19,10 @@ from coachable.behaviours.predicates import Signal
 from coachable.envs.signals import SIGNAL_PACKS, signal_pack
 from coachable.envs.signals.limbs import Limbs
 from coachable.envs.signals.reading import reader_of_one, time_step
+from coachable.envs.signals.sources import signal_sources
 from coachable.experiments.run_folder.reader import TrainingRun, Which
 from coachable.experiments.training import EVALUATION_SEED
-from coachable.experiments.training_lane import OWN, actor, make_env, signal_functions
+from coachable.experiments.training_lane import OWN, actor, make_env
 from coachable.foundation.errors import ParameterError, PlanError
 from coachable.learning.policy import Policy
 
@@ -116,7 +117,7 @@ def recorded_walk(
             )
         has_pack = not plan.signals and plan.env in SIGNAL_PACKS
         signals = signal_pack(plan.env).signals if has_pack else run.behaviour.signals
-        read = reader_of_one(env, tuple(signal.name for signal in signals), signal_functions(plan))
+        read = reader_of_one(env, tuple(signal.name for signal in signals), signal_sources(plan.signals))
         limbs = Limbs.of(env)
         rows, ends, steps = [], [], []
         for step in _steps(env, policy, episode, seconds / dt):
