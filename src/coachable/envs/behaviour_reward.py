@@ -111,7 +111,9 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         values = self._read(observation, info)
         begun = self._run.begin(numbers_of_one(self._signal_names, values, self.on_nan, 0))
         self._steps = 0
-        return self._observed(observation, begun), self._info(info, begun, 0.0, 0.0)
+        if self._observer is not None:
+            observation = self._observer.append(observation, begun.observed)
+        return observation, self._info(info, begun, 0.0, 0.0)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One step of the environment, paid for where it led."""
@@ -125,8 +127,9 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         )
         base, ours = float(base), self.weight * step.paid
         reward = ours if self.replace else base + ours
-        observed = self._observed(observation, step)
-        return observed, reward, terminated, truncated, self._info(info, step, base, ours)
+        if self._observer is not None:
+            observation = self._observer.append(observation, step.observed)
+        return observation, reward, terminated, truncated, self._info(info, step, base, ours)
 
     def _info(self, info: dict[str, Any], step: RunStep, base: float, ours: float) -> dict[str, Any]:
         """The environment's info with the behaviour's."""
@@ -142,9 +145,6 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         if step.form:
             behaviour["form"] = {**step.form}
         return {**info, self.key: behaviour}
-
-    def _observed(self, observation: Any, step: RunStep) -> Any:
-        return observation if self._observer is None else self._observer.append(observation, step.observed)
 
 
 def described_reward(

@@ -1,5 +1,6 @@
 """Signals that a plan names: there and back, what they read, packs with additions, and mistakes."""
 
+import copy
 import sys
 import types
 
@@ -51,6 +52,7 @@ def test_a_source_reads_what_it_names_and_goes_there_and_back(source, observatio
     np.testing.assert_array_equal(sources["signal"](None, observation, INFO), value)
     assert sources.to_data() == {"signal": source}
     assert signal_sources(sources.to_data()).sources == sources.sources
+    assert copy.deepcopy(sources).sources == sources.sources  # as it is when it is sent to another process
 
 
 def test_an_entry_that_is_missing_and_has_no_other_is_a_key_error():

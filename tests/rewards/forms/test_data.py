@@ -1,5 +1,6 @@
 """Reward forms as plans have them: there and back, and mistakes named by their keys."""
 
+import copy
 import sys
 import types
 from dataclasses import dataclass
@@ -49,6 +50,7 @@ def test_a_potential_goes_there_and_back(discount, potential):
     again = form_from_data(form.to_data())
     assert again == form
     assert hash(again) == hash(form)
+    assert copy.deepcopy(form) == form  # as it is when it is sent to another process
     assert hash_of_paid(WALKING, again) == hash_of_paid(WALKING, form)
 
 

@@ -117,6 +117,10 @@ class SignalSources(Mapping[str, SignalFunction]):
     pack: SignalPack | None = None
     """By default the environment's own pack, if it has one."""
 
+    def __reduce__(self):
+        # A read-only view of a mapping cannot be sent to another process.
+        return SignalSources, (dict(self.sources), self.pack)
+
     def __getitem__(self, name: str) -> SignalFunction:
         return self.sources[name]
 

@@ -48,6 +48,10 @@ class Potential(RewardForm):
                 if not math.isfinite(value):
                     raise ParameterError(f"the potential of phase {name!r} is {value!r}; it must be finite")
 
+    def __reduce__(self):
+        # A read-only view of a mapping cannot be sent to another process.
+        return Potential, (self.discount, None if self.potential is None else dict(self.potential))
+
     def bind(self, behaviour: Behaviour, dt: int | float | None) -> BoundPotential:
         """Φ of the behaviour's phases.
 
