@@ -44,7 +44,7 @@ class ObservationEntry:
         """The entry."""
         entry: Any = observation
         for part in self.path:
-            entry = entry[..., part] if isinstance(entry, np.ndarray) else entry[part]
+            entry = _column(entry, part) if isinstance(part, int) else entry[part]
         return entry
 
     def to_data(self) -> Any:
@@ -204,6 +204,10 @@ def _path(data: Any, key: str) -> Path:
 
 def _path_to_data(path: Path) -> Any:
     return path[0] if len(path) == 1 else [*path]
+
+
+def _column(entry: Any, number: int) -> Any:
+    return entry[..., number] if isinstance(entry, np.ndarray) else entry[number]
 
 
 def _followed(value: Any, path: Path) -> Any:
