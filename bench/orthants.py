@@ -17,7 +17,7 @@ from coachable.behaviours.library import load_behaviour
 from coachable.behaviours.predicates import Comparison, Predicate
 from coachable.behaviours.rewriting import conjuncts
 from coachable.envs.baselines import baseline
-from coachable.rewards.phase_reward import reward_table
+from coachable.rewards.forms import reward_table
 
 BEHAVIOUR = load_behaviour("compass-walking")
 DT = 0.01

@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from coachable.plants.controllers import ConstantTorque as ConstantTorque
     from coachable.plants.controllers import NoTorque as NoTorque
     from coachable.rewards.described_reward import DescribedReward as DescribedReward
+    from coachable.rewards.forms import Potential as Potential
+    from coachable.rewards.forms import RewardForm as RewardForm
     from coachable.rewards.setup import RewardSetup as RewardSetup
 
 _HOMES = {
@@ -56,6 +58,8 @@ _HOMES = {
     "NoTorque": "plants.controllers",
     "PPOConfig": "learning.config",
     "Policy": "learning.policy",
+    "Potential": "rewards.forms",
+    "RewardForm": "rewards.forms",
     "RewardSetup": "rewards.setup",
     "Run": "experiments.run_folder.reader",
     "Trajectory": "envs.rollout",

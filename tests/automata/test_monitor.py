@@ -11,7 +11,7 @@ from coachable.automata.violation import Kind
 from coachable.behaviours import All, Any, Behaviour, Comparison, Dwell, Edge, Not, Phase, Phrase, Signal
 from coachable.behaviours import load_behaviour as load
 from coachable.foundation.errors import TraceError
-from coachable.rewards.phase_reward import reward_table
+from coachable.rewards.forms import reward_table
 from tests.automata.tracked import DT, RUNS, behaviour_of, descriptions, follow
 
 WALKING = load("compass-walking")

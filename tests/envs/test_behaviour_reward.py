@@ -17,7 +17,8 @@ from coachable.behaviours import Behaviour, Comparison, Dwell, Edge, Phase, Sign
 from coachable.envs.behaviour_reward import BehaviourReward
 from coachable.envs.signals import signal_pack
 from coachable.foundation.errors import ParameterError, SignalError
-from coachable.rewards.described_reward import DescribedReward, Shaping
+from coachable.rewards.described_reward import DescribedReward
+from coachable.rewards.forms import Potential
 
 
 class Pacing(gymnasium.Env):
@@ -58,9 +59,9 @@ WAYS = {
 }
 FORMS = {
     "phases": {},
-    "equation": {"variant": "equation"},
+    "equation": {"form": "equation"},
     "cycles": {"cycle_bonus": 5.0},
-    "shaping": {"shaping": Shaping(0.9), "cycle_bonus": 1.0},
+    "shaping": {"form": Potential(0.9), "cycle_bonus": 1.0},
 }
 
 
@@ -139,7 +140,7 @@ def test_options_and_seeds_reach_the_environment():
     assert env.np_random_seed == 5
 
 
-@pytest.mark.parametrize("form", [{}, {"cycle_bonus": 5.0, "shaping": Shaping(0.9)}])
+@pytest.mark.parametrize("form", [{}, {"cycle_bonus": 5.0, "form": Potential(0.9)}])
 def test_nothing_of_an_episode_is_left_in_the_next(form):
     """An episode pays the same after any other, however that ended, as it does in a new environment."""
     env = wrapped(behaviour=pacing(Dwell(0.5, 1.0)), **form)
@@ -176,7 +177,7 @@ def test_dwell_times_are_kept_by_the_environments_clock():
 
 
 def test_the_phase_can_follow_the_observation():
-    env = wrapped(append_phase=True)
+    env = wrapped(observe="memory")
     assert env.observation_space == gymnasium.spaces.Box(
         np.array([-10.0, 0, 0, 0]), np.array([10.0, 1, 1, 1]), dtype=np.float64
     )
@@ -185,7 +186,7 @@ def test_the_phase_can_follow_the_observation():
     assert env.step([-1.0])[0].tolist() == [-0.5, 1, 0, 0]
 
 
-@pytest.mark.parametrize("options", [{}, {"append_phase": True, "cycle_bonus": 1.0, "replace": True}])
+@pytest.mark.parametrize("options", [{}, {"observe": "memory", "cycle_bonus": 1.0, "replace": True}])
 def test_gymnasiums_checker_passes_it(options):
     gymnasium.register("coachable-test/Pacing-v0", entry_point=lambda **kwargs: Pacing(**kwargs))
     try:
@@ -214,6 +215,10 @@ class Still(gymnasium.Env):
     metadata = {"render_modes": []}  # noqa: RUF012
 
 
+class Picture(Still):
+    observation_space = gymnasium.spaces.Box(0, 255, (8, 8), np.uint8)
+
+
 @pytest.mark.parametrize(
     ("make", "complaint"),
     [
@@ -226,7 +231,8 @@ class Still(gymnasium.Env):
             "no signal pack for 'CartPole-v1'",
         ),
         (lambda: BehaviourReward(Still(), pacing(Dwell(1.0)), BY_OBSERVATION), "dt is needed"),
-        (lambda: BehaviourReward(Still(), pacing(), WAYS["info"], append_phase=True), "FlattenObservation"),
+        (lambda: BehaviourReward(Picture(), pacing(), WAYS["info"], observe="memory"), "FlattenObservation"),
+        (lambda: wrapped(form="stai"), "unknown reward form 'stai'; did you mean 'stay'"),
     ],
 )
 def test_mistakes_are_named_at_construction(make, complaint):
@@ -237,7 +243,9 @@ def test_mistakes_are_named_at_construction(make, complaint):
 def test_without_the_tests_type_checks_what_is_no_function_and_an_unknown_on_nan_are_refused():
     program = """
 import gymnasium, coachable as co
-for options in ({"signals": {"theta_1": 3.0}}, {"on_nan": "outsid"}):
+functions = dict.fromkeys(("theta_1", "theta_2", "dtheta_1", "dtheta_2"), lambda *args: 0.0)
+cases = {"signals": {"theta_1": 3.0}}, {"on_nan": "outsid"}, {"observe": "memry", "signals": functions}
+for options in cases:
     try:
         co.BehaviourReward(gymnasium.make("CartPole-v1"), "compass-walking", **options)
     except co.CoachableError as error:
@@ -246,6 +254,7 @@ for options in ({"signals": {"theta_1": 3.0}}, {"on_nan": "outsid"}):
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert "signal 'theta_1' must be a function of (env, observation, info)" in done.stdout
     assert "unknown on_nan 'outsid'; did you mean 'outside'?" in done.stdout
+    assert "unknown observe 'memry'; did you mean 'memory'?" in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -321,7 +330,7 @@ def test_mujocos_robots_have_their_signals(name, text, tmp_path):
     pytest.importorskip("mujoco", reason="needs the [mujoco] extra: pip install 'coachable[mujoco]'")
     path = Path(tmp_path / "gait.behaviour")
     path.write_text(text, encoding="utf-8")
-    env, plain = BehaviourReward(gymnasium.make(name), path, append_phase=True), gymnasium.make(name)
+    env, plain = BehaviourReward(gymnasium.make(name), path, observe="memory"), gymnasium.make(name)
     behaviour = env.behaviour_reward.behaviour
     assert env.behaviour_reward.dt == pytest.approx(env.unwrapped.dt)
     read = signal_pack(env).reader(env, behaviour.signal_names)
@@ -349,12 +358,41 @@ def test_mujocos_robots_have_their_signals(name, text, tmp_path):
     assert len(seen) >= 2
 
 
-def test_dictionaries_are_flattened_before_a_phase_is_appended():
-    class Told(gymnasium.ObservationWrapper):
+class Nested(gymnasium.ObservationWrapper):
+    """Shows where it is inside of a dictionary in a tuple."""
+
+    observation_space = gymnasium.spaces.Dict(
+        {"body": gymnasium.spaces.Tuple([Pacing.observation_space, gymnasium.spaces.Discrete(2)])}
+    )
+
+    def observation(self, observation):
+        return {"body": (observation, 1)}
+
+
+NESTED = {"x": lambda env, observation, info: observation["body"][0][0]}
+
+
+def test_a_dictionary_gets_a_further_entry():
+    env = BehaviourReward(Nested(Pacing()), pacing(), NESTED, observe="memory")
+    observation, info = env.reset(options={"x": 1.0})
+    assert {*observation} == {"body", "behaviour"}
+    assert observation["behaviour"].tolist() == [0, 1, 0]
+    assert info["behaviour"]["phase"] == "right"
+    assert observation in env.observation_space
+    observation, *_ = env.step([-1.0])
+    assert observation["behaviour"].tolist() == [0, 0, 1]
+    twice = BehaviourReward(env, pacing(), NESTED, observe="memory", key="more")
+    assert {*twice.reset()[0]} == {"body", "behaviour", "more"}
+    with pytest.raises(ParameterError, match="have an entry 'behaviour' already"):
+        BehaviourReward(env, pacing(), NESTED, observe="memory")
+
+
+def test_a_dictionary_can_be_flattened_first():
+    class Named(gymnasium.ObservationWrapper):
         observation_space = gymnasium.spaces.Dict({"x": Pacing.observation_space})
 
         def observation(self, observation):
             return {"x": observation}
 
-    env = BehaviourReward(FlattenObservation(Told(Pacing())), pacing(), BY_OBSERVATION, append_phase=True)
+    env = BehaviourReward(FlattenObservation(Named(Pacing())), pacing(), BY_OBSERVATION, observe="memory")
     assert env.reset(options={"x": 1.0})[0].tolist() == [1.0, 0, 1, 0]

@@ -11,7 +11,7 @@ from coachable.envs.behaviour_reward import BehaviourReward
 from coachable.envs.gymnasium_vector_env import PlantVectorEnv
 from coachable.envs.vector_behaviour_reward import VectorBehaviourReward
 from coachable.foundation.errors import ParameterError, SignalError
-from coachable.rewards.described_reward import Shaping
+from coachable.rewards.forms import Potential
 
 NUM = 4
 each_mode = pytest.mark.parametrize("mode", list(AutoresetMode))
@@ -57,8 +57,8 @@ MANY = {
 }
 OPTIONS = {
     "plain": {"weight": 0.5},
-    "all": {"cycle_bonus": 3.0, "shaping": Shaping(0.9), "append_phase": True, "weight": 2.0},
-    "replaced": {"replace": True, "variant": "equation", "append_phase": True},
+    "all": {"cycle_bonus": 3.0, "form": Potential(0.9), "observe": "memory", "weight": 2.0},
+    "replaced": {"replace": True, "form": "equation", "observe": "memory"},
 }
 
 
@@ -123,6 +123,42 @@ def test_it_is_a_loop_over_wrapped_environments(mode, way, options):
     assert truncations > 5
     assert_same(ours.reset(), loop.reset())
     assert_same(ours.step(actions), loop.step(actions))
+
+
+class Nested(gymnasium.ObservationWrapper):
+    observation_space = gymnasium.spaces.Dict({"body": Pacing.observation_space})
+
+    def observation(self, observation):
+        return {"body": observation}
+
+
+@each_mode
+def test_dictionaries_get_a_further_entry(mode):
+    many = {"x": lambda env, observations, infos: observations["body"][:, 0]}
+    one = {"x": lambda env, observation, info: observation["body"][0]}
+
+    def plain():
+        return Nested(Pacing())
+
+    ours = VectorBehaviourReward(
+        SyncVectorEnv([plain] * 2, autoreset_mode=mode), pacing(), many, observe="memory"
+    )
+    loop = SyncVectorEnv(
+        [lambda: BehaviourReward(plain(), pacing(), one, observe="memory")] * 2, autoreset_mode=mode
+    )
+    assert ours.observation_space == loop.observation_space
+    assert_same(ours.reset(seed=1), loop.reset(seed=1))
+    ended = 0
+    for _ in range(40):
+        actions = np.full((2, 1), 0.3)
+        told = ours.step(actions)
+        assert_same(told, loop.step(actions))
+        done = told[2] | told[3]
+        ended += done.sum()
+        if mode is AutoresetMode.DISABLED and done.any():
+            ours.reset(options={"reset_mask": done.copy()})
+            loop.reset(options={"reset_mask": done.copy()})
+    assert ended > 2
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])

@@ -15,6 +15,7 @@ from coachable.behaviours import Behaviour, Comparison, Dwell, Phase, Signal, lo
 from coachable.envs.walking_task import NO_BOX, make_task
 from coachable.foundation.errors import ParameterError
 from coachable.plants import START, ChatterRule, CompassParameters, CompassWalker, Outcome, advance
+from coachable.rewards.described_reward import RewardMemory
 from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, RewardSetup
 
 SETUP = RewardSetup("mixed", forward=0.3, orthant=0.7)
@@ -334,9 +335,9 @@ def test_the_next_episode_of_the_released_code_forgets_how_long_it_was_where_it_
     phases = tuple(dataclasses.replace(phase, dwell=Dwell(0.1, 0.2)) for phase in walking.phases)
     task = make_task(SETUP, RELEASED, behaviour=dataclasses.replace(walking, phases=phases))
     start = task.init()
-    assert start.memory.location == task.phase_reward.none_yet
+    assert start.memory.phase.location == task.behaviour_reward.tracker.none_yet
     remembered = Memory(jnp.asarray(1, jnp.int32), jnp.asarray(0.07), jnp.asarray(True))
-    again = task.reset(dataclasses.replace(start, memory=remembered)).memory
+    again = task.reset(dataclasses.replace(start, memory=RewardMemory(remembered))).memory.phase
     assert (again.location, again.time, again.entered) == (1, 0, False)
 
 
@@ -366,7 +367,7 @@ def test_another_walker_walks_differently():
 
 
 def test_the_paper_default_is_the_shipped_behaviour():
-    classifier = make_task(SETUP).phase_reward.classifier
+    classifier = make_task(SETUP).behaviour_reward.tracker.classifier
     assert classifier.outside == len(load_behaviour("compass-walking").phases)
 
 

@@ -11,10 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coachable.automata.monitor import Monitor
+from coachable.automata.tracker import Tracker
 from coachable.behaviours import Behaviour, Dwell, Edge, Near, Phase, Signal, load_behaviour
 from coachable.foundation.errors import ParameterError
-from coachable.rewards.described_reward import DescribedReward, Shaping
-from coachable.rewards.phase_reward import PhaseReward
+from coachable.rewards.described_reward import DescribedReward
+from coachable.rewards.forms import Potential, reward_table
 
 WALKING = load_behaviour("compass-walking")
 STATES = np.random.default_rng(0).normal(size=(3, 20, 4)).astype(np.float32)
@@ -54,22 +55,26 @@ def with_dwell(behaviour):
 
 FORMS = {
     "phases": {},
-    "released": {"variant": "released"},
+    "released": {"form": "released"},
     "cycles": {"cycle_bonus": 5.0},
-    "shaping": {"shaping": Shaping(0.9)},
-    "both": {"shaping": Shaping(0.9, {"O2": 3.0}), "cycle_bonus": 2.0},
+    "shaping": {"form": Potential(0.9)},
+    "both": {"form": Potential(0.9, {"O2": 3.0}), "cycle_bonus": 2.0},
 }
 each_form = pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
 
 
 @pytest.mark.parametrize("behaviour", [WALKING, with_dwell(WALKING)])
-@pytest.mark.parametrize("variant", ["stay", "equation", "released"])
-def test_plus_minus_one_is_the_phase_reward(behaviour, variant):
-    described, plain = DescribedReward(behaviour, variant, 0.01), PhaseReward.of(behaviour, variant)
-    memory, its_memory = described.init(STATES[:, 0]), plain.start(STATES[:, 0])
+@pytest.mark.parametrize("form", ["stay", "equation", "released"])
+def test_plus_minus_one_is_what_the_tracker_and_the_table_give(behaviour, form):
+    reward, tracker = DescribedReward(behaviour, form, 0.01), Tracker.of(behaviour)
+    table = reward_table(behaviour, form)
+    memory, its_memory = reward.init(STATES[:, 0]), tracker.start(STATES[:, 0])
     for sample in range(1, STATES.shape[1]):
-        memory, paid, info = described.step(memory, STATES[:, sample])
-        its_memory, move, pay = plain.advance(its_memory, STATES[:, sample], 0.01)
+        memory, paid, info = reward.step(memory, STATES[:, sample])
+        its_memory, move = tracker.advance(its_memory, STATES[:, sample], 0.01)
+        pay = table[move.previous, move.location]
+        if move.too_short is not None:
+            pay = np.where(move.too_short | move.too_long, -1, pay)
         np.testing.assert_array_equal(paid, pay)
         np.testing.assert_array_equal(info.follows, pay == 1)
         np.testing.assert_array_equal(info.phase, move.location)
@@ -86,7 +91,7 @@ def test_numpy_jax_and_torch_agree_and_jax_compiles_and_maps(behaviour, form):
         memory, told = init(states[:, 0]), []
         for sample in range(1, states.shape[1]):
             memory, paid, info = step(memory, states[:, sample], ended)
-            told.append([paid, *info[:-1], *(info.terms[name] for name in sorted(info.terms))])
+            told.append([paid, *info[:-2], *(info.terms[name] for name in sorted(info.terms))])
         return [[np.asarray(value) for value in row] for row in told]
 
     ended = np.array([False, True, False])
@@ -155,7 +160,7 @@ def test_edges_are_told_apart_from_staying_and_coming_in():
 def test_the_discounted_sum_of_shaping_telescopes(walk, truncated):
     """Σ γᵗ F_t = γᵀ Φ(s_T) − Φ(s_0), where a terminal Φ is 0 and a truncated one is kept."""
     discount, potential = 0.8, {"A": 1.5, "C": -2.0}
-    reward = DescribedReward(rooms("ABCD"), shaping=Shaping(discount, potential))
+    reward = DescribedReward(rooms("ABCD"), form=Potential(discount, potential))
     signals = signals_of(walk)
     memory, total = reward.init(signals[0]), 0.0
     for t, sample in enumerate(signals[1:]):
@@ -167,7 +172,7 @@ def test_the_discounted_sum_of_shaping_telescopes(walk, truncated):
 
 
 def test_the_potential_is_by_default_the_progress_along_the_cycle():
-    reward = DescribedReward(rooms("CAB"), shaping=Shaping(1.0))
+    reward = DescribedReward(rooms("CAB"), form=Potential(1.0))
     paid = [float(paid) for paid, _ in followed(reward, signals_of(".CABD."))]
     np.testing.assert_allclose(paid, [1 / 3, 1 / 3, 1 / 3, -1, 0], atol=1e-15)
 
@@ -203,7 +208,7 @@ def test_shaping_changes_no_optimal_policy(seed):
         return paid[:, None, :]
 
     plain = optimal_values(transitions, base, discount, ends)
-    shaped = optimal_values(transitions, base + paid(shaping=Shaping(discount, potential)), discount, ends)
+    shaped = optimal_values(transitions, base + paid(form=Potential(discount, potential)), discount, ends)
     phi = np.array([potential.get(room, 0.0) for room in walk])
     np.testing.assert_allclose(shaped, plain - phi[:, None], atol=1e-9)
     np.testing.assert_array_equal(shaped.argmax(1)[~ends], plain.argmax(1)[~ends])
@@ -212,7 +217,7 @@ def test_shaping_changes_no_optimal_policy(seed):
 
 
 def test_a_nan_is_outside_and_does_not_spread():
-    reward = DescribedReward(rooms("ABC", count=3), shaping=Shaping(0.5), cycle_bonus=1.0)
+    reward = DescribedReward(rooms("ABC", count=3), form=Potential(0.5), cycle_bonus=1.0)
     paid = [float(paid) for paid, _ in followed(reward, np.array([[0.0], [np.nan], [0.0]]))]
     np.testing.assert_allclose(paid, [-1 / 3, 1 / 6])
 
@@ -225,10 +230,10 @@ def test_a_nan_is_outside_and_does_not_spread():
         (lambda: DescribedReward(WALKING, dt=float("nan")), "dt is nan"),
         (lambda: DescribedReward(WALKING, cycle_bonus=float("inf")), "cycle_bonus is inf"),
         (lambda: DescribedReward(rooms(), cycle_bonus=1.0), "no cycle that a bonus"),
-        (lambda: DescribedReward(rooms(), shaping=Shaping(0.9)), "no cycle to make progress"),
-        (lambda: DescribedReward(WALKING, shaping=Shaping(0.9, {"O5": 1.0})), "unknown phase 'O5'"),
-        (lambda: Shaping(1.01), "discount is 1.01"),
-        (lambda: Shaping(0.9, {"O1": float("nan")}), "phase 'O1' is nan"),
+        (lambda: DescribedReward(rooms(), form=Potential(0.9)), "no cycle to make progress"),
+        (lambda: DescribedReward(WALKING, form=Potential(0.9, {"O5": 1.0})), "unknown phase 'O5'"),
+        (lambda: Potential(1.01), "discount is 1.01"),
+        (lambda: Potential(0.9, {"O1": float("nan")}), "phase 'O1' is nan"),
     ],
 )
 def test_mistakes_are_named(make, complaint):

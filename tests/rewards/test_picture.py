@@ -3,7 +3,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from coachable.rewards.phase_reward import VARIANTS, reward_table
+from coachable.rewards.forms import VARIANTS, reward_table
 from coachable.rewards.picture import reward_svg
 from tests.diagram.pictures import BEHAVIOURS, boxes, elements
 

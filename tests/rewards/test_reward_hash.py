@@ -8,7 +8,7 @@ import pytest
 from coachable.behaviours import All, Comparison, Dwell, Edge, Not, Number, Phase, load_behaviour
 from coachable.behaviours.text.parser import parse
 from coachable.behaviours.text.printer import to_text
-from coachable.rewards.phase_reward import Variant
+from coachable.rewards.forms import Variant
 from coachable.rewards.reward_hash import reward_hash
 from coachable.rewards.setup import PAPER_SETUPS, RewardSetup, Semantics
 

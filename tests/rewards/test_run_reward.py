@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coachable.behaviours import Comparison, Dwell, Edge, Phase
-from coachable.rewards.described_reward import DescribedReward, Shaping
-from coachable.rewards.phase_reward import VARIANTS
+from coachable.rewards.described_reward import DescribedReward
+from coachable.rewards.forms import VARIANTS, Potential
 from coachable.rewards.run_reward import RunReward
 from tests.automata.tracked import RUNS, behaviour_of, descriptions
 
@@ -39,13 +39,13 @@ def closed(behaviour):
     st.sampled_from([0.0, 2.5]),
     SHAPINGS,
 )
-def test_it_pays_and_tells_what_arrays_do(description, episodes, variant, dt, bonus, shaping):
+def test_it_pays_and_tells_what_arrays_do(description, episodes, form, dt, bonus, shaping):
     behaviour = behaviour_of(description)
     behaviour = closed(behaviour) if bonus else behaviour
     if shaping is not None:
         discount, potential = shaping
-        shaping = Shaping(discount, {behaviour.phase_names[0]: potential})
-    reward = DescribedReward(behaviour, variant, dt, bonus, shaping)
+        form = Potential(discount, {behaviour.phase_names[0]: potential})
+    reward = DescribedReward(behaviour, form, dt, bonus)
     run = RunReward(reward)
     for xs, terminates in episodes:
         memory = reward.init(np.array([xs[0]]))
@@ -60,7 +60,8 @@ def test_it_pays_and_tells_what_arrays_do(description, episodes, variant, dt, bo
             assert (step.location, step.cycles) == (info.phase, info.cycles)
             assert step.phase == reward.phase_names[step.location]
             assert step.verdict == {name: bool(getattr(info, name)) for name in VERDICTS}
-            assert step.gone == memory.gone
+            assert step.memory == (memory.form, memory.cycles)
+            np.testing.assert_array_equal(step.observed, reward.observe(memory, np.array([x])))
 
 
 def test_it_tells_pythons_own_numbers():
@@ -73,13 +74,13 @@ def test_it_tells_pythons_own_numbers():
 
 
 @pytest.mark.parametrize("terminated", [False, True])
-def test_what_a_step_is_worth_is_worked_out_once(terminated, monkeypatch):
+def test_what_a_step_pays_is_computed_once(terminated, monkeypatch):
     reward = DescribedReward(behaviour_of(POSITIVE), dt=0.1)
-    asked, worth = [], DescribedReward.worth
-    monkeypatch.setattr(DescribedReward, "worth", lambda *args: asked.append(args) or worth(*args))
+    computed, pay = [], DescribedReward.pay
+    monkeypatch.setattr(DescribedReward, "pay", lambda *args: computed.append(args) or pay(*args))
     run = RunReward(reward)
     for _ in range(3):
         run.begin([0.3])
         for _ in range(20):
             run.step([0.3], terminated)
-    assert len(asked) == 1
+    assert len(computed) == 1

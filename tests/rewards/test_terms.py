@@ -7,23 +7,22 @@ from hypothesis import strategies as st
 
 from coachable.automata.tracker import Move
 from coachable.behaviours import load_behaviour
-from coachable.rewards.phase_reward import PhaseReward, Variant
+from coachable.rewards.forms import form_of
 from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, Semantics
-from coachable.rewards.terms import StepFacts, full_reward, r_dist, r_fall, r_for, r_jerk, r_or, reward_terms
+from coachable.rewards.terms import StepFacts, full_reward, r_dist, r_fall, r_for, r_jerk, reward_terms
 
 BOTH: tuple[Semantics, ...] = ("paper", "released-code")
-VARIANT_OF: dict[str, Variant] = {"paper": "stay", "released-code": "released"}
+FORM_OF = {"paper": "stay", "released-code": "released"}
 BEHAVIOUR_OF = {"paper": "compass-walking", "released-code": "compass-walking-released"}
 TORQUES = st.tuples(st.floats(-2, 2, allow_subnormal=False), st.floats(-2, 2, allow_subnormal=False)).map(
     np.array
 )
 
 
-def phase_reward(semantics):
-    return PhaseReward.of(load_behaviour(BEHAVIOUR_OF[semantics]), VARIANT_OF[semantics])
+NONE_YET = 5
 
 
-def facts(**changes):
+def facts(semantics, **changes):
     """O1 → O2, the hip 1 cm ahead, torques changed by (3, 4) N m, in the middle of an episode."""
     values = {
         "previous": 0,
@@ -38,11 +37,15 @@ def facts(**changes):
         "time_is_up": False,
     }
     arrays = {name: jnp.asarray(value) for name, value in (values | changes).items()}
-    return StepFacts(move=Move(arrays.pop("previous"), arrays.pop("location")), **arrays)
+    move = Move(arrays.pop("previous"), arrays.pop("location"))
+    r_or = form_of(FORM_OF[semantics]).bind(load_behaviour(BEHAVIOUR_OF[semantics]), None).r_or(move)
+    return StepFacts(
+        r_or=r_or.astype(arrays["hip_x"].dtype), unseen=jnp.asarray(move.previous == NONE_YET), **arrays
+    )
 
 
 def terms(semantics, **changes):
-    values = reward_terms(phase_reward(semantics), facts(**changes), semantics)
+    values = reward_terms(facts(semantics, **changes), semantics)
     return dict(zip(TERM_NAMES, values.tolist(), strict=True))
 
 
@@ -74,12 +77,6 @@ def test_falling_pays_one():
     assert r_fall(jnp.asarray(False)) == 0
 
 
-def test_orthant_is_the_phase_reward():
-    reward = phase_reward("paper")
-    assert r_or(reward, Move(jnp.asarray(0), jnp.asarray(1))) == 1
-    assert r_or(reward, Move(jnp.asarray(1), jnp.asarray(0))) == -1
-
-
 def test_the_terms_come_in_their_order():
     assert terms("paper") == {"jerk": 5, "distance": 0, "fall": 0, "forward": 1, "orthant": 1}
     assert terms("released-code") == {"jerk": 25, "distance": 0, "fall": 0, "forward": 1, "orthant": 1}
@@ -101,8 +98,7 @@ def test_first_step_of_an_episode_in_the_paper():
 
 
 def test_first_step_of_a_run_of_the_released_code():
-    none_yet = phase_reward("released-code").none_yet
-    assert terms("released-code", first=True, previous=none_yet) == dict.fromkeys(TERM_NAMES, 0)
+    assert terms("released-code", first=True, previous=NONE_YET) == dict.fromkeys(TERM_NAMES, 0)
 
 
 def test_first_step_of_a_later_episode_of_the_released_code():
@@ -115,9 +111,8 @@ def test_first_step_of_a_later_episode_of_the_released_code():
 @pytest.mark.parametrize("x64", [False, True])
 def test_terms_have_the_dtype_of_the_state_also_under_jit_and_vmap(semantics, x64):
     with jax.enable_x64(x64), jax.numpy_dtype_promotion("strict"):
-        reward = phase_reward(semantics)
-        batch = jax.tree.map(lambda leaf: jnp.stack([leaf] * 3), facts())
-        values = jax.jit(jax.vmap(lambda fact: reward_terms(reward, fact, semantics)))(batch)
+        batch = jax.tree.map(lambda leaf: jnp.stack([leaf] * 3), facts(semantics))
+        values = jax.jit(jax.vmap(lambda fact: reward_terms(fact, semantics)))(batch)
         assert values.shape == (3, 5)
         assert values.dtype == (jnp.float64 if x64 else jnp.float32)
 

@@ -187,7 +187,9 @@ class _Executor:
                 look_ahead = self.look_ahead[id(self.automaton.activities[location])]
                 before, armed = x, [bool(guard > 0) for guard in self.look(x).guards]
 
-                def happens(h: float, location=location, look=look_ahead, before=before, armed=armed) -> bool:
+                def happens(
+                    h: float, location: int = location, look=look_ahead, before=before, armed=armed
+                ) -> bool:
                     ahead = look(before, control, h)
                     happened = self.event_at(ahead, armed) is not None or self.falls(ahead)
                     return happened or not self.inside(location, ahead)

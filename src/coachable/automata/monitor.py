@@ -8,11 +8,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
+from coachable.automata.cycle_progress import Pairs, Progress, along_cycle, choose, pairs
 from coachable.automata.decision_diagram import DecisionDiagram
 from coachable.automata.monitor_report import Report, Stays
 from coachable.automata.tracker import CLOCK_TOLERANCE, Tracker
 from coachable.automata.violation import Kind, Violation, seconds
-from coachable.behaviours.behaviour import Behaviour, Dwell, Edge
+from coachable.behaviours.behaviour import Behaviour, Dwell
 from coachable.foundation.errors import TraceError
 from coachable.foundation.suggestion import suggestion
 
@@ -38,8 +39,8 @@ class Monitor:
         self.behaviour = behaviour
         self._tracker = Tracker.of(behaviour)
         self._diagram = DecisionDiagram(self._tracker)
-        self._edges = _pairs(behaviour, behaviour.edges)
-        self._cycles = [_Cycle(_pairs(behaviour, cycle)) for cycle in behaviour.cycles]
+        self._edges = frozenset(pairs(behaviour, behaviour.edges))
+        self._cycles = [_Cycle(pairs(behaviour, cycle)) for cycle in behaviour.cycles]
         self._location = self._tracker.none_yet
         self._entered = False
         self._overdue = False
@@ -156,7 +157,7 @@ class Monitor:
             kinds.append(Kind.TOO_SHORT)
         found = [self._violation(kind, target, time, here) for kind in kinds]
         for cycle in self._cycles:
-            cycle.go((source, target))
+            cycle.go(source, target)
         if self._entered and source != outside:
             self._stays[source] = self._stays[source].and_one_of(time - self._since)
         self._entered = source != self._tracker.none_yet
@@ -232,24 +233,21 @@ class Monitor:
 
 
 class _Cycle:
-    """Counts how often a closed walk was gone along, from whichever of its edges on."""
+    """Counts how often a cycle is completed."""
 
-    def __init__(self, edges: list[tuple[int, int]]):
-        self.edges = edges
+    def __init__(self, edges: Pairs):
         self.completed = 0
-        self.gone = [0] * len(edges)
-        """For each edge of the walk, how many of its edges in a row end with it just now."""
+        self._edges = edges
+        self._progress: Progress = (0,) * len(edges)
+        self._after: dict[tuple[Progress, int, int], tuple[Progress, bool]] = {}
+        """What each move led to, for a trace makes the same few again and again."""
 
-    def go(self, move: tuple[int, int]) -> None:
-        self.gone = [self.gone[i - 1] + 1 if edge == move else 0 for i, edge in enumerate(self.edges)]
-        if self.gone and max(self.gone) == len(self.edges):
-            self.completed += 1
-            self.gone = [0] * len(self.edges)
-
-
-def _pairs(behaviour: Behaviour, edges: Sequence[Edge]) -> list[tuple[int, int]]:
-    place = behaviour.phase_names.index
-    return [(place(edge.source), place(edge.target)) for edge in edges]
+    def go(self, source: int, target: int) -> None:
+        case = (self._progress, source, target)
+        if case not in self._after:
+            self._after[case] = along_cycle(self._edges, *case, where=choose)
+        self._progress, completed = self._after[case]
+        self.completed += completed
 
 
 def _numbers(what: str, column: Column) -> Float[np.ndarray, " samples"]:

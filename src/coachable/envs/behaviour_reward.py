@@ -1,4 +1,4 @@
-"""A described reward on anybody's Gymnasium environment."""
+"""A described reward on a Gymnasium environment."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import RecordConstructorArgs
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
+from coachable.envs.observed_memory import MemoryObserver, Observe
 from coachable.envs.signals.reading import OnNaN, Signals, numbers_of_one, reader_of_one, time_step
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
-from coachable.rewards.described_reward import DescribedReward, Shaping
-from coachable.rewards.phase_reward import Variant
+from coachable.rewards.described_reward import DescribedReward
+from coachable.rewards.forms import RewardForm
 from coachable.rewards.run_reward import RunReward, RunStep
 
 
@@ -36,22 +36,25 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
     | `location` | its number: 0 … K−1, or K outside all K phases |
     | `verdict` | whether it `follows` the behaviour, took an `edge`, left `too_short`, stays `too_long` |
     | `cycles` | how many cycles the step completed; counted if there is a cycle bonus |
+    | `form` | what else the form of the reward has to report; absent if that is nothing |
     | `rewards` | `base`, what the environment paid; `behaviour`, what this wrapper paid, with its weight |
 
     **Arguments:**
         behaviour: a `Behaviour`, or what `load_behaviour` takes.
         signals: what the behaviour reads: functions of (unwrapped environment, observation, info) by the
-            signals' names, or a `SignalPack`; by default the environment's pack.
+            signals' names, or a `SignalPack`. By default the environment's pack, from which signals without a
+            function are read as well.
         weight: what the behaviour's reward is multiplied with.
         replace: whether it is paid in the place of the environment's own.
-        variant, cycle_bonus, shaping: the form of the reward; see `DescribedReward`.
+        form, cycle_bonus: how the behaviour pays; see `DescribedReward`.
         dt: the time between two steps [s]; by default the environment's `dt`, or else 1/`render_fps`.
         on_nan: `"raise"`, or `"outside"` to take a state with a NaN signal as outside of all phases.
-        append_phase: whether the phase follows the observation, as K+1 numbers of which one is 1. The reward
-            depends on it, so that without it the problem is not Markov.
-        key: where the info is, if `behaviour` is taken.
+        observe: `"memory"` to append to the observation what the form shows of its memory, without which the
+            problem is not Markov: for most forms the phase, as K+1 numbers of which one is 1. To a row of
+            numbers they are appended, in a `Dict` they are a further entry.
+        key: where the info, and in a `Dict` the memory, is found if `behaviour` is taken.
 
-    **Raises:** `ParameterError` for a missing signal, an observation to which no phase can be appended and
+    **Raises:** `ParameterError` for a missing signal, an observation to which nothing can be appended and
     what `DescribedReward` raises; from `reset` and `step` `SignalError` for a signal that is no number.
     """
 
@@ -63,12 +66,11 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         weight: int | float = 1.0,
         replace: bool = False,
         *,
-        variant: Variant = "stay",
+        form: RewardForm | str = "stay",
         cycle_bonus: int | float = 0.0,
-        shaping: Shaping | None = None,
         dt: int | float | None = None,
         on_nan: OnNaN = "raise",
-        append_phase: bool = False,
+        observe: Observe = "nothing",
         key: str = "behaviour",
     ):
         RecordConstructorArgs.__init__(
@@ -77,26 +79,27 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
             signals=signals,
             weight=weight,
             replace=replace,
-            variant=variant,
+            form=form,
             cycle_bonus=cycle_bonus,
-            shaping=shaping,
             dt=dt,
             on_nan=on_nan,
-            append_phase=append_phase,
+            observe=observe,
             key=key,
             _disable_deepcopy=True,
         )
         gymnasium.Wrapper.__init__(self, env)
         require_known_on_nan(on_nan)
-        self.behaviour_reward = described_reward(env, behaviour, variant, dt, cycle_bonus, shaping)
+        self.behaviour_reward = described_reward(env, behaviour, form, dt, cycle_bonus)
         self._run = RunReward(self.behaviour_reward)
         self.on_nan: OnNaN = on_nan
-        self.weight, self.replace, self.append_phase, self.key = weight, replace, append_phase, key
-        behaviour = self.behaviour_reward.behaviour
-        self._signal_names = behaviour.signal_names
+        self.weight, self.replace, self.key = weight, replace, key
+        self._signal_names = self.behaviour_reward.behaviour.signal_names
         self._read = reader_of_one(env, self._signal_names, signals)
-        if append_phase:
-            self.observation_space = with_phase(env.observation_space, len(behaviour.phases) + 1)
+        self._observer = MemoryObserver.of(
+            observe, self.behaviour_reward.observation_names, env.observation_space, key
+        )
+        if self._observer is not None:
+            self.observation_space = self._observer.space
         self._steps: int | None = None
 
     def reset(
@@ -108,8 +111,9 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         values = self._read(observation, info)
         begun = self._run.begin(numbers_of_one(self._signal_names, values, self.on_nan, 0))
         self._steps = 0
-        seen = self._seen(observation, begun.location) if self.append_phase else observation
-        return seen, self._told(info, begun, 0.0, 0.0)
+        if self._observer is not None:
+            observation = self._observer.append(observation, begun.observed)
+        return observation, self._info(info, begun, 0.0, 0.0)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One step of the environment, paid for where it led."""
@@ -123,65 +127,44 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         )
         base, ours = float(base), self.weight * step.paid
         reward = ours if self.replace else base + ours
-        seen = self._seen(observation, step.location) if self.append_phase else observation
-        return seen, reward, terminated, truncated, self._told(info, step, base, ours)
+        if self._observer is not None:
+            observation = self._observer.append(observation, step.observed)
+        return observation, reward, terminated, truncated, self._info(info, step, base, ours)
 
-    def _told(self, info: dict[str, Any], step: RunStep, base: float, ours: float) -> dict[str, Any]:
-        """The environment's info with what there is to tell of the behaviour."""
+    def _info(self, info: dict[str, Any], step: RunStep, base: float, ours: float) -> dict[str, Any]:
+        """The environment's info with the behaviour's."""
         if self.key in info:
             raise taken(self.key)
-        return {
-            **info,
-            self.key: {
-                "phase": step.phase,
-                "location": step.location,
-                "verdict": {**step.verdict},
-                "cycles": step.cycles,
-                "rewards": {"base": base, "behaviour": ours},
-            },
+        behaviour = {
+            "phase": step.phase,
+            "location": step.location,
+            "verdict": {**step.verdict},
+            "cycles": step.cycles,
+            "rewards": {"base": base, "behaviour": ours},
         }
-
-    def _seen(self, observation: Any, location: int) -> Any:
-        phase = np.zeros(len(self.behaviour_reward.phase_names), observation.dtype)
-        phase[location] = 1
-        return np.concatenate([observation, phase])
+        if step.form:
+            behaviour["form"] = {**step.form}
+        return {**info, self.key: behaviour}
 
 
 def described_reward(
     env: Any,
     behaviour: Behaviour | str | Path,
-    variant: Variant,
+    form: RewardForm | str,
     dt: int | float | None,
     cycle_bonus: int | float,
-    shaping: Shaping | None,
 ) -> DescribedReward:
     """The reward of a behaviour in an environment, which knows its own dt."""
     behaviour = behaviour if isinstance(behaviour, Behaviour) else load_behaviour(behaviour)
-    return DescribedReward(behaviour, variant, time_step(env) if dt is None else dt, cycle_bonus, shaping)
-
-
-def with_phase(space: gymnasium.Space, locations: int) -> gymnasium.spaces.Box:
-    """The space of observations with a phase behind them.
-
-    **Raises:** `ParameterError` for one that is no row of numbers.
-    """
-    if not isinstance(space, gymnasium.spaces.Box) or len(space.shape) != 1:
-        raise ParameterError(
-            f"append_phase needs observations that are a row of numbers, but they are {space}; put "
-            "gymnasium.wrappers.FlattenObservation around the environment first"
-        )
-    low, high = np.zeros(locations, space.dtype), np.ones(locations, space.dtype)
-    return gymnasium.spaces.Box(
-        np.concatenate([space.low, low]), np.concatenate([space.high, high]), dtype=space.dtype.type
-    )
+    return DescribedReward(behaviour, form, time_step(env) if dt is None else dt, cycle_bonus)
 
 
 def taken(key: str) -> ParameterError:
-    """What to raise if the info of the environment has an entry of this name already."""
+    """The error for an environment whose info has an entry of this name already."""
     return ParameterError(f"the environment's info has an entry {key!r} already; give another key")
 
 
 def require_known_on_nan(on_nan: str) -> None:
-    """Raise `ParameterError` for what is no `OnNaN`."""
+    """Raise `ParameterError` for a value that is not an `OnNaN`."""
     if on_nan not in ("raise", "outside"):
         raise ParameterError(f"unknown on_nan {on_nan!r}; {suggestion(on_nan, ('raise', 'outside'))}")

@@ -28,7 +28,7 @@ from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.plants.named import make_plant
 from coachable.plants.plant import Plant
-from coachable.rewards.phase_reward import Variant
+from coachable.rewards.forms import Variant
 from coachable.rewards.setup import RewardSetup, Semantics, paper_setup
 
 if TYPE_CHECKING:

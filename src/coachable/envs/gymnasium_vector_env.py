@@ -83,7 +83,7 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarr
         self._seeds = [-1] * num_envs
         state, _ = begin_run(self._one.task, self._one.task.x0)
         self._states = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (num_envs, *leaf.shape)), state)
-        self._x0 = np.zeros(self.observation_space.shape, np.float32)
+        self._x0 = np.zeros((num_envs, *self._one.task.x0.shape), np.float32)
         self._ended = np.zeros(num_envs, bool)
         self._began = np.zeros(num_envs, bool)
 

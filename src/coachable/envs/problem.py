@@ -13,14 +13,15 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.behaviour_reward import BehaviourReward
 from coachable.envs.gymnasium_env import PlantEnv
 from coachable.envs.own_reward import OwnReward
-from coachable.envs.signals.reading import SignalFunction
+from coachable.envs.signals.reading import OnNaN
+from coachable.envs.signals.sources import SignalSources, signal_sources
 from coachable.envs.squashing import Squashing
 from coachable.envs.walking_task import Clock, WalkingTask, make_task
 from coachable.foundation.errors import MissingExtraError, PlanError
 from coachable.foundation.suggestion import suggestion
 from coachable.plants.named import name_of
 from coachable.plants.plant import Plant
-from coachable.rewards.phase_reward import Variant
+from coachable.rewards.forms import RewardForm, form_from_data
 from coachable.rewards.reward_hash import hash_of_paid, reward_hash
 from coachable.rewards.setup import DescribedSetup, RewardSetup, Semantics
 
@@ -79,8 +80,8 @@ class PlantProblem(Problem):
     """As the paper has it; `semantics` may change it."""
     semantics: Semantics = "paper"
     """`paper` (what the paper means) or `released-code` (what its code does)."""
-    reward_variant: Variant = "stay"
-    """How the phase reward is read; see `rewards.phase_reward`."""
+    reward_variant: str | Mapping[str, Any] = "stay"
+    """The reward form as plain data: its name, or a table with its fields; see `form_from_data`."""
     clock: Clock = "free"
     """`free` samples every 0.01 s; `touchdown` restarts the sample clock at every touchdown."""
 
@@ -99,6 +100,11 @@ class PlantProblem(Problem):
         return self.plant.name
 
     @property
+    def form(self) -> RewardForm:
+        """The reward form."""
+        return form_from_data(self.reward_variant)
+
+    @property
     def distance(self) -> str:
         """The measure of an evaluation that is its distance: `hip_x`, or `foot_x` in `released-code`."""
         return "hip_x" if self.semantics == "paper" else "foot_x"
@@ -108,7 +114,7 @@ class PlantProblem(Problem):
         return make_task(
             setup,
             self.semantics,
-            self.reward_variant,
+            self.form,
             self.clock,
             behaviour=self.behaviour,
             plant=self.plant,
@@ -123,7 +129,7 @@ class PlantProblem(Problem):
         return PlantEnv(
             setup,
             self.semantics,
-            self.reward_variant,
+            self.form,
             self.clock,
             behaviour=self.behaviour,
             plant=self.plant,
@@ -143,7 +149,7 @@ class PlantProblem(Problem):
 
     def reward_hash(self, setup: RewardSetup) -> str:
         """SHA-256 of what the setup pays."""
-        return reward_hash(self.behaviour, self.reward_variant, self.semantics, setup)
+        return reward_hash(self.behaviour, self.form, self.semantics, setup)
 
     def to_data(self) -> dict[str, Any]:
         """The keys `semantics`, `reward_variant`, `clock` and the table `plant`."""
@@ -167,9 +173,12 @@ class EnvironmentProblem(Problem):
     """The id for `gymnasium.make`; `module:id` imports a module first."""
     env_options: Mapping[str, Any] = field(default_factory=dict, hash=False)
     """Further arguments of `gymnasium.make`."""
-    signals: Mapping[str, int | str] = field(default_factory=dict, hash=False)
-    """Where the behaviour's signals are: a column of the observation, or a key of the info. Without any, the
-    environment's signal pack."""
+    signals: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    """Where signals are found, as `signal_sources` takes it; the others are those of the environment's pack."""
+    dt: float | None = None
+    """Time between two steps [s]; by default what the environment says."""
+    on_nan: OnNaN = "raise"
+    """What a signal that is NaN does; see `BehaviourReward`."""
 
     @property
     def robot(self) -> str:
@@ -200,24 +209,26 @@ class EnvironmentProblem(Problem):
         return BehaviourReward(
             OwnReward(env, setup.terms),
             self.behaviour,
-            signals=self.signal_functions,
+            signals=self.signal_sources,
             weight=setup.weight,
             replace=setup.replace,
-            variant=setup.reward_variant,
+            form=setup.form,
             cycle_bonus=setup.cycle_bonus,
-            append_phase=setup.append_phase,
+            dt=self.dt,
+            on_nan=self.on_nan,
+            observe=setup.observe,
         )
 
     @property
-    def signal_functions(self) -> dict[str, SignalFunction] | None:
-        """Readers of the signals where the plan says that they are; `None` for the environment's pack."""
-        return {name: _reader(source) for name, source in self.signals.items()} or None
+    def signal_sources(self) -> SignalSources | None:
+        """The sources of the signals that have one of their own."""
+        return signal_sources(self.signals)
 
     def reward_hash(self, setup: DescribedSetup) -> str:
         """SHA-256 of what the setup pays."""
         return hash_of_paid(
             self.behaviour,
-            setup.reward_variant,
+            setup.form,
             weight=repr(setup.weight + 0.0),
             replace=setup.replace,
             terms={name: repr(weight + 0.0) for name, weight in sorted(setup.terms.items())},
@@ -226,11 +237,11 @@ class EnvironmentProblem(Problem):
         )
 
     def to_data(self) -> dict[str, Any]:
-        """The key `env` and the tables `env_options` and `signals`."""
-        return {"env": self.env, "env_options": dict(self.env_options), "signals": dict(self.signals)}
-
-
-def _reader(source: int | str) -> SignalFunction:
-    if isinstance(source, int):
-        return lambda env, observation, info: observation[source]
-    return lambda env, observation, info: info[source]
+        """The keys `env`, `dt` and `on_nan`, and the tables `env_options` and `signals`."""
+        return {
+            "env": self.env,
+            **({} if self.dt is None else {"dt": self.dt}),
+            "on_nan": self.on_nan,
+            "env_options": dict(self.env_options),
+            "signals": dict(self.signals),
+        }

@@ -73,7 +73,7 @@ def summary(task: WalkingTask, episode: Episode) -> Summary:
     """Return what an episode comes to."""
     steps, alive = episode.timesteps, episode.alive
     length = jnp.sum(alive, dtype=jnp.int32)
-    inside = (steps.phase != task.phase_reward.outside) & alive
+    inside = (steps.phase != task.behaviour_reward.tracker.classifier.outside) & alive
     return Summary(
         episode_return=jnp.sum(jnp.where(alive, steps.reward, 0)),
         terms=jnp.sum(jnp.where(alive[:, None], steps.terms, 0), axis=0),
@@ -126,7 +126,7 @@ class Trajectory:
 
         x = with_start(x0, steps.observation)
         states: dict[str, np.ndarray] = dict(zip(task.plant.state_names, x.T, strict=True))
-        tracker = task.phase_reward.tracker
+        tracker = task.behaviour_reward.tracker
         return cls(
             time=with_start(np.zeros_like(foot_x), steps.time),
             states=states,

@@ -1,4 +1,4 @@
-"""A described reward on anybody's Gymnasium vector environment."""
+"""A described reward on a Gymnasium vector environment."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from gymnasium.vector.utils import batch_space, concatenate, create_empty_array,
 from jaxtyping import Bool, Float
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.envs.behaviour_reward import described_reward, require_known_on_nan, taken, with_phase
+from coachable.envs.behaviour_reward import described_reward, require_known_on_nan, taken
+from coachable.envs.observed_memory import MemoryObserver, Observe
 from coachable.envs.signals.reading import OnNaN, Signals, numbers_of_many, reader_of_many
 from coachable.envs.vector_infos import at_the_end, masked, only
 from coachable.foundation.errors import ParameterError
-from coachable.rewards.described_reward import VERDICTS, RewardMemory, Shaping, StepInfo
-from coachable.rewards.phase_reward import Variant
+from coachable.rewards.described_reward import VERDICTS, RewardMemory, StepInfo
+from coachable.rewards.forms import RewardForm
 
 Envs = Bool[np.ndarray, " envs"]
 """Which of them."""
@@ -38,7 +39,7 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
     in the environment itself would by then be of the next episode. A pack looks into the environments one by
     one, so it needs them to be there (`SyncVectorEnv`) and another mode.
 
-    **Raises:** as `BehaviourReward`, and `ParameterError` for an environment whose metadata tell no
+    **Raises:** as `BehaviourReward`, and `ParameterError` for an environment whose metadata have no
     autoreset mode, and a pack that cannot look.
     """
 
@@ -50,12 +51,11 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
         weight: int | float = 1.0,
         replace: bool = False,
         *,
-        variant: Variant = "stay",
+        form: RewardForm | str = "stay",
         cycle_bonus: int | float = 0.0,
-        shaping: Shaping | None = None,
         dt: int | float | None = None,
         on_nan: OnNaN = "raise",
-        append_phase: bool = False,
+        observe: Observe = "nothing",
         key: str = "behaviour",
     ):
         super().__init__(env)
@@ -64,19 +64,21 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
             self.autoreset_mode = AutoresetMode(env.metadata.get("autoreset_mode"))
         except ValueError:
             raise ParameterError(
-                f"the metadata of {env} do not tell its autoreset mode; set metadata['autoreset_mode'] to "
+                f"the metadata of {env} do not give its autoreset mode; set metadata['autoreset_mode'] to "
                 "what it does, such as gymnasium.vector.AutoresetMode.NEXT_STEP"
             ) from None
-        self.behaviour_reward = described_reward(env, behaviour, variant, dt, cycle_bonus, shaping)
+        self.behaviour_reward = described_reward(env, behaviour, form, dt, cycle_bonus)
         self.on_nan: OnNaN = on_nan
-        self.weight, self.replace, self.append_phase, self.key = weight, replace, append_phase, key
-        behaviour = self.behaviour_reward.behaviour
+        self.weight, self.replace, self.key = weight, replace, key
+        reward = self.behaviour_reward
         same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
-        self._read = reader_of_many(env, behaviour.signal_names, signals, same_step)
-        if append_phase:
-            single = with_phase(env.single_observation_space, len(behaviour.phases) + 1)
-            self.single_observation_space = single
-            self.observation_space = batch_space(single, env.num_envs)
+        self._read = reader_of_many(env, reward.behaviour.signal_names, signals, same_step)
+        self._observer = MemoryObserver.of(
+            observe, reward.observation_names, env.single_observation_space, key
+        )
+        if self._observer is not None:
+            self.single_observation_space = self._observer.space
+            self.observation_space = batch_space(self._observer.space, env.num_envs)
         self._names = np.array(self.behaviour_reward.phase_names, object)
         self._memory: RewardMemory | None = None
         self._ended = np.zeros(env.num_envs, bool)
@@ -93,8 +95,8 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
         observations, infos = self.env.reset(seed=seed, options=options)  # pyright: ignore[reportArgumentType]
         self._begin(chosen, self._signals(observations, infos, "after the reset", chosen))
         self._ended &= ~chosen
-        told = only(self._nothing_happened(), chosen)
-        return self._seen(observations), self._with(infos, masked(told, chosen), chosen)
+        info = only(self._info_at_the_start(), chosen)
+        return self._observed(observations), self._with(infos, masked(info, chosen), chosen)
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """One step of every environment, paid for where it led."""
@@ -108,18 +110,18 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
             last_observations, last_infos = self._at_the_end(observations, infos, ended)
         signals = self._signals(last_observations, last_infos, "after a step", everyone)
         self._memory, paid, step = self.behaviour_reward.step(self._memory, signals, np.asarray(terminated))
-        told, ours = self._told(step, np.asarray(base), paid)
+        info, ours = self._info(step, np.asarray(base), paid)
         if self._ended.any():
             self._begin(self._ended, signals)
-            told, ours = self._forget(told, self._ended), np.where(self._ended, 0.0, ours)
+            info, ours = self._begun(info, self._ended), np.where(self._ended, 0.0, ours)
         if begun_in_the_step.any():
-            infos = self._tell_the_end(infos, told, ended)
+            infos = self._with_the_end(infos, info, ended)
             self._begin(ended, self._signals(observations, infos, "after a reset", ended))
-            told = self._forget(told, ended)
+            info = self._begun(info, ended)
         self._ended = ended & ~begun_in_the_step
         rewards = ours if self.replace else base + ours
-        infos = self._with(infos, masked(told, everyone), everyone)
-        return self._seen(observations), rewards, terminated, truncated, infos
+        infos = self._with(infos, masked(info, everyone), everyone)
+        return self._observed(observations), rewards, terminated, truncated, infos
 
     def _signals(
         self, observations: Any, infos: Mapping[str, Any], when: str, chosen: Envs
@@ -146,60 +148,74 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
         last = concatenate(one, last, create_empty_array(one, self.num_envs))
         return last, at_the_end(infos, ended)
 
-    def _tell_the_end(self, infos: dict[str, Any], told: dict[str, Any], ended: Envs) -> dict[str, Any]:
+    def _with_the_end(self, infos: dict[str, Any], info: dict[str, Any], ended: Envs) -> dict[str, Any]:
         """The final infos and observations with what the behaviour adds."""
-        final_info = {**infos.get("final_info", {}), self.key: masked(only(told, ended), ended)}
+        final_info = {**infos.get("final_info", {}), self.key: masked(only(info, ended), ended)}
         final_info[f"_{self.key}"] = ended.copy()
         infos = {**infos, "final_info": final_info, "_final_info": ended.copy()}
-        if self.append_phase:
-            final_obs, phases = np.full(self.num_envs, None, object), self._phases()
+        if self._observer is not None:
+            final_obs, numbers = np.full(self.num_envs, None, object), self._numbers()
             for index in np.flatnonzero(ended):
-                final_obs[index] = np.concatenate([infos["final_obs"][index], phases[index]])
+                final_obs[index] = self._observer.append(infos["final_obs"][index], numbers[index])
             infos["final_obs"] = final_obs
         return infos
 
-    def _told(
+    def _info(
         self, step: StepInfo, base: Float[np.ndarray, " envs"], paid: Float[np.ndarray, " envs"]
     ) -> tuple[dict[str, Any], Float[np.ndarray, " envs"]]:
-        """What there is to tell after a step, and what the behaviour pays."""
+        """The behaviour's info after a step, and what the behaviour pays."""
         ours = self.weight * paid
         verdict = {name: np.array(getattr(step, name)) for name in VERDICTS}
         return {
-            **self._places(),
+            **self._locations(),
             "verdict": verdict,
             "cycles": step.cycles.astype(np.int64),
             "rewards": {"base": np.array(base, np.float64), "behaviour": ours.copy()},
+            **_form_info(step.form),
         }, ours
 
-    def _nothing_happened(self) -> dict[str, Any]:
-        """What there is to tell after a reset."""
+    def _info_at_the_start(self) -> dict[str, Any]:
+        """The behaviour's info after a reset."""
+        assert self._memory is not None
         no, zero = np.zeros(self.num_envs, bool), np.zeros(self.num_envs)
+        form = self.behaviour_reward.initial_info(self._memory.form, self._memory.phase.location, zero)
         return {
-            **self._places(),
+            **self._locations(),
             "verdict": {name: no.copy() for name in VERDICTS},
             "cycles": np.zeros(self.num_envs, np.int64),
             "rewards": {name: zero.copy() for name in ("base", "behaviour")},
+            **_form_info(form),
         }
 
-    def _forget(self, told: dict[str, Any], begun: Envs) -> dict[str, Any]:
-        """What there is to tell where some have begun an episode."""
-        return jax.tree.map(lambda one, other: np.where(begun, one, other), self._nothing_happened(), told)
+    def _begun(self, info: dict[str, Any], begun: Envs) -> dict[str, Any]:
+        """The behaviour's info, in which some environments have begun an episode."""
+        return jax.tree.map(lambda one, other: np.where(begun, one, other), self._info_at_the_start(), info)
 
-    def _places(self) -> dict[str, Any]:
+    def _locations(self) -> dict[str, Any]:
         assert self._memory is not None
         location = self._memory.phase.location
         return {"phase": self._names[location], "location": location.astype(np.int64)}
 
-    def _with(self, infos: dict[str, Any], told: dict[str, Any], chosen: Envs) -> dict[str, Any]:
+    def _with(self, infos: dict[str, Any], info: dict[str, Any], chosen: Envs) -> dict[str, Any]:
         if self.key in infos:
             raise taken(self.key)
-        return {**infos, self.key: told, f"_{self.key}": chosen.copy()}
+        return {**infos, self.key: info, f"_{self.key}": chosen.copy()}
 
-    def _phases(self) -> np.ndarray:
+    def _numbers(self) -> np.ndarray:
         assert self._memory is not None
-        return np.eye(len(self._names), dtype=self.single_observation_space.dtype)[
-            self._memory.phase.location
-        ]
+        memory = self._memory
+        zero = np.zeros(self.num_envs)
+        return self.behaviour_reward.observed(memory.form, memory.phase.location, zero)
 
-    def _seen(self, observations: Any) -> Any:
-        return np.concatenate([observations, self._phases()], axis=1) if self.append_phase else observations
+    def _observed(self, observations: Any) -> Any:
+        return (
+            observations if self._observer is None else self._observer.append(observations, self._numbers())
+        )
+
+
+def _form_info(form: Mapping[str, Any]) -> dict[str, Any]:
+    """What the form reports, in the dtypes that Gymnasium gives to Python's numbers."""
+    wide = {"b": bool, "i": np.int64, "u": np.int64, "f": np.float64}
+    arrays = {name: np.asarray(value) for name, value in form.items()}
+    report = {name: array.astype(wide[array.dtype.kind]) for name, array in arrays.items()}
+    return {"form": report} if report else {}

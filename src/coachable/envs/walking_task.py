@@ -7,7 +7,6 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from coachable.automata.tracker import Memory
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.squashing import SQUASHINGS, Squashing
@@ -21,7 +20,8 @@ from coachable.plants.outcome import Outcome
 from coachable.plants.plant import Plant
 from coachable.plants.sampled import CLOCKS, SampledState, Sampling, sampled_step
 from coachable.plants.sampled import Clock as Clock
-from coachable.rewards.phase_reward import PhaseReward, Variant
+from coachable.rewards.described_reward import DescribedReward, RewardMemory
+from coachable.rewards.forms import RewardForm
 from coachable.rewards.setup import RewardSetup, Semantics
 from coachable.rewards.terms import StepFacts, full_reward, reward_terms
 
@@ -42,8 +42,8 @@ class WalkingState(eqx.Module):
     observation: Float[Array, " state"]
     """x, except right after a shared evaluation moved the walker."""
     hip_x: Float[Array, ""]
-    memory: Memory
-    """Location before the next step, or `PhaseReward.none_yet`, and what dwell times need."""
+    memory: RewardMemory
+    """What the behaviour's reward remembers: the location before the next step, and more."""
     control: Float[Array, " control"]
     """Control of the step before."""
     total_steps: Int[Array, ""]
@@ -75,11 +75,11 @@ class WalkingTask(Task):
     """
 
     plant: Plant
-    phase_reward: PhaseReward
     x0: Float[Array, " state"]
     weights: Float[Array, "5"]
     low: Float[Array, " control"]
     high: Float[Array, " control"]
+    behaviour_reward: DescribedReward = eqx.field(static=True)
     semantics: Semantics = eqx.field(static=True, default="paper")
     clock: Clock = eqx.field(static=True, default="free")
     squashing: Squashing = eqx.field(static=True, default="clip")
@@ -117,8 +117,8 @@ class WalkingTask(Task):
 
     def init(self, key: PRNGKeyArray | None = None) -> WalkingState:
         """Return the state in which a run starts: at x0, the stance foot at 0. Nothing is random."""
-        dtype = self.x0.dtype
-        remember = self.phase_reward.start if self.semantics == "paper" else self.phase_reward.before_all
+        dtype, reward = self.x0.dtype, self.behaviour_reward
+        remember = reward.init if self.semantics == "paper" else reward.init_unseen
         return WalkingState(
             walk=SampledState.at(self.x0),
             observation=self.x0,
@@ -133,7 +133,9 @@ class WalkingTask(Task):
 
         def outlives(s):
             return (
-                s.total_steps if self.semantics == "paper" else (s.total_steps, s.memory.location, s.control)
+                s.total_steps
+                if self.semantics == "paper"
+                else (s.total_steps, s.memory.phase.location, s.control)
             )
 
         return eqx.tree_at(outlives, self.init(), outlives(state))
@@ -144,7 +146,7 @@ class WalkingTask(Task):
 
     def locate(self, x: Float[Array, " state"]) -> Int[Array, ""]:
         """Return the location of a state: a phase of the behaviour, or K outside."""
-        return self.phase_reward.locate(self._signals(x))
+        return self.behaviour_reward.tracker.classifier(self._signals(x))
 
     def step(self, state: WalkingState, action: Float[Array, " control"]) -> tuple[WalkingState, Timestep]:
         """Hold the action, squashed into the box, for one control step and pay for where it led."""
@@ -169,9 +171,11 @@ class WalkingTask(Task):
             time_is_up = walk.num_steps >= self.samples_in_time
 
         hip_x = self.plant.base(x, foot_x)[0]
-        memory, move = self.phase_reward.tracker.advance(state.memory, self._signals(x), moved.elapsed)
+        terminated, reward = fell | time_is_up, self.behaviour_reward
+        memory, paid, info = reward.step(state.memory, self._signals(x), terminated, moved.elapsed)
         facts = StepFacts(
-            move=move,
+            r_or=paid,
+            unseen=state.memory.phase.location == reward.tracker.none_yet,
             hip_x=hip_x,
             previous_hip_x=state.hip_x,
             foot_x=foot_x,
@@ -181,18 +185,18 @@ class WalkingTask(Task):
             fell=fell,
             time_is_up=time_is_up,
         )
-        terms = reward_terms(self.phase_reward, facts, self.semantics)
+        terms = reward_terms(facts, self.semantics)
         timestep = Timestep(
             observation=x,
             reward=full_reward(self.weights, terms),
-            terminated=fell | time_is_up,
+            terminated=terminated,
             truncated=jnp.zeros((), bool),
             fell=fell,
             terms=terms,
             hip_x=hip_x,
             foot_x=foot_x,
             time=taken.time,
-            phase=move.location,
+            phase=info.phase,
             control=control,
         )
         after = WalkingState(
@@ -207,7 +211,7 @@ class WalkingTask(Task):
 
     def _signals(self, x: Float[Array, " state"]) -> Float[Array, " signals"]:
         """Return what the behaviour speaks of."""
-        return self.plant.signals(x, self.phase_reward.classifier.signals)
+        return self.plant.signals(x, self.behaviour_reward.behaviour.signal_names)
 
     def _shared_evaluation(self, state: WalkingState) -> WalkingState:
         """Leave the walker where the released code's evaluation does, which runs on the same simulator."""
@@ -224,7 +228,7 @@ class WalkingTask(Task):
 def make_task(
     setup: RewardSetup,
     semantics: Semantics = "paper",
-    reward_variant: Variant | None = None,
+    reward_variant: RewardForm | str | None = None,
     clock: Clock = "free",
     parameters: Any = None,
     behaviour: Behaviour | None = None,
@@ -270,7 +274,9 @@ def make_task(
     low, high = plant.action_box if box is None else box
     task = WalkingTask(
         plant=plant,
-        phase_reward=PhaseReward.of(behaviour, reward_variant or ("stay" if paper else "released")),
+        behaviour_reward=DescribedReward(
+            behaviour, reward_variant or ("stay" if paper else "released"), WalkingTask.control_dt
+        ),
         x0=jnp.asarray(plant.start),
         weights=jnp.asarray(setup.weights),
         low=jnp.broadcast_to(jnp.asarray(low), len(plant.control_names)),
@@ -281,7 +287,7 @@ def make_task(
         seconds=seconds,
         shared_evaluation_every=shared_evaluation_every,
     )
-    task.plant.signals(task.x0, task.phase_reward.classifier.signals)
+    task.plant.signals(task.x0, task.behaviour_reward.behaviour.signal_names)
     return task
 
 

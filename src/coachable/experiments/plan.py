@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module, resources
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import SHIPPED, load_behaviour
@@ -24,7 +24,7 @@ from coachable.foundation.files import read_text
 from coachable.foundation.suggestion import suggestion
 from coachable.learning.config import PPOConfig
 from coachable.plants.named import parameters_type, plant_class
-from coachable.rewards.phase_reward import VARIANTS
+from coachable.rewards.forms import form_from_data
 from coachable.rewards.setup import PAPER_SETUPS, DescribedSetup, RewardSetup
 
 _VARIANTS = {"paper": "stay", "released-code": "released"}
@@ -35,7 +35,6 @@ COMPASS_WALKER = "coachable/CompassWalker-v0"
 
 _CHOICES = {
     "semantics": tuple(_VARIANTS),
-    "reward_variant": VARIANTS,
     "clock": ("free", "touchdown"),
 }
 _SHIPPED = resources.files("coachable.experiments") / "plans"
@@ -64,17 +63,19 @@ class _Tables:
     sb3: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     semantics: str = "paper"
-    reward_variant: str = "stay"
+    reward_variant: str | Mapping[str, Any] = "stay"
     clock: str = "free"
     plant: Mapping[str, Any] = field(default_factory=dict)
     env: str = ""
     env_options: Mapping[str, Any] = field(default_factory=dict)
-    signals: Mapping[str, int | str] = field(default_factory=dict)
+    signals: Mapping[str, Any] = field(default_factory=dict)
+    dt: float = 0.0
+    on_nan: Literal["raise", "outside"] = "raise"
     evaluation_episodes: int = 1
 
 
 _OF_PLANTS = ("semantics", "reward_variant", "clock", "plant")
-_OF_ENVIRONMENTS = ("env_options", "signals", "evaluation_episodes")
+_OF_ENVIRONMENTS = ("env_options", "signals", "dt", "on_nan", "evaluation_episodes")
 _MERGED = ("seeds", "plant", "ppo", "sb3", "settings")
 """Tables whose keys are given one by one, by any layer."""
 
@@ -226,6 +227,11 @@ def _plant_problem(
         if key in given and given[key] not in choices:
             raise PlanError(f"{sources}: {key} = {given[key]!r}: {suggestion(str(given[key]), choices)}")
     semantics = given.get("semantics", "paper")
+    variant = given.get("reward_variant", _VARIANTS[semantics])
+    try:
+        form_from_data(variant)
+    except ParameterError as error:
+        raise PlanError(f"{sources}: reward_variant: {error}") from None
     table = dict(given.get("plant", {}))
     kind = plant_class(table.pop("kind", "compass"))
     numbers = structure_given(parameters_type(kind), table, sources, PlanError, "plant")
@@ -235,7 +241,7 @@ def _plant_problem(
         behaviour=described or load_behaviour(described_by),
         plant=plant,
         semantics=semantics,
-        reward_variant=given.get("reward_variant", _VARIANTS[semantics]),
+        reward_variant=variant,
         clock=given.get("clock", "free"),
     ), described_by
 
@@ -251,6 +257,8 @@ def _environment_problem(
         env=given["env"],
         env_options=given.get("env_options", {}),
         signals=given.get("signals", {}),
+        dt=given.get("dt"),
+        on_nan=given.get("on_nan", "raise"),
     ), described_by
 
 
@@ -302,6 +310,10 @@ def _setups(kind: type[Setup], value: Any, source: str, below: tuple[Setup, ...]
 
 def _setup(kind: type[Setup], name: str, weights: Any, source: str) -> Setup:
     key = f"setups.{name}"
+    if isinstance(weights, Mapping) and "append_phase" in weights and kind is DescribedSetup:
+        # What format_version 1 called it.
+        weights = dict(weights)
+        weights["observe"] = "memory" if weights.pop("append_phase") else "nothing"
     given = structure_given(kind, weights, source, PlanError, key, without=("name",))
     try:
         if kind is RewardSetup and name in PAPER_SETUPS:

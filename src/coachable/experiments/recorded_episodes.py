@@ -112,7 +112,7 @@ def recorded_walk(
     """
     problem, policy = _environment_problem(run), run.policy(setup, seed, which)
     described = run.experiment.setup(setup)
-    appended = len(run.behaviour.phases) + 1 if described.append_phase else 0
+    appended = len(run.behaviour.phases) + 1 if described.observe != "nothing" else 0
     with closing(problem.environment(described)) as env:
         dt = time_step(env)
         if dt is None:
@@ -121,7 +121,7 @@ def recorded_walk(
             )
         has_pack = not problem.signals and problem.env in SIGNAL_PACKS
         signals = signal_pack(problem.env).signals if has_pack else run.behaviour.signals
-        read = reader_of_one(env, tuple(signal.name for signal in signals), problem.signal_functions)
+        read = reader_of_one(env, tuple(signal.name for signal in signals), problem.signal_sources)
         limbs = Limbs.of(env)
         rows, ends, steps = [], [], []
         for step in _steps(env, policy, episode, seconds / dt):

@@ -1,50 +1,22 @@
-"""A described reward without an environment: pure functions for whoever has signals in arrays."""
+"""A described reward without an environment: pure functions on signals in arrays."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from coachable.automata.classifier import array_library
-from coachable.automata.tracker import Memory, Move
-from coachable.behaviours.behaviour import Behaviour, Edge
+from coachable.automata.cycle_progress import Pairs, Progress, along_cycle, pairs
+from coachable.automata.tracker import Memory, Move, Tracker
+from coachable.behaviours.behaviour import Behaviour
 from coachable.foundation.errors import ParameterError
-from coachable.foundation.suggestion import suggestion
-from coachable.rewards.phase_reward import PhaseReward, Variant, beside
-
-
-@dataclass(frozen=True)
-class Shaping:
-    """Potential-based shaping: γ Φ(phase after) − Φ(phase before), which changes no optimal policy.
-
-    Ng, Harada and Russell, ICML 1999. Φ is 0 after a step that terminates the episode, and is what it is
-    after one that truncates it.
-
-    **Arguments:** `discount`, γ of the trainer; `potential`, Φ by the names of phases, 0 for those that are
-    left out and outside all phases. By default Φ is how far the phase is along the behaviour's first cycle:
-    1/n for the first of its n phases, 1 for the last.
-
-    **Raises:** `ParameterError` for a discount that is not in [0, 1], or a potential that is not finite.
-    """
-
-    discount: int | float
-    potential: Mapping[str, int | float] | None = None
-
-    def __post_init__(self):
-        if not 0 <= self.discount <= 1:
-            raise ParameterError(f"discount is {self.discount!r}; it must be between 0 and 1")
-        if self.potential is not None:
-            object.__setattr__(self, "potential", MappingProxyType(dict(self.potential)))
-            for name, value in self.potential.items():
-                if not math.isfinite(value):
-                    raise ParameterError(f"the potential of phase {name!r} is {value!r}; it must be finite")
+from coachable.rewards.forms import BoundForm, RewardForm, Step, form_of
+from coachable.rewards.forms.form import OUTSIDE, beside
 
 
 class RewardMemory(NamedTuple):
@@ -52,12 +24,14 @@ class RewardMemory(NamedTuple):
 
     phase: Memory
     """Where it is, and since when."""
-    gone: tuple[tuple[Int[Any, "*batch"], ...], ...] = ()
-    """For each edge of each cycle, how many of its edges in a row end with it; empty without cycle bonus."""
+    form: tuple = ()
+    """What the reward form remembers."""
+    cycles: tuple[Progress, ...] = ()
+    """The progress along each cycle; empty without cycle bonus."""
 
 
 VERDICTS: tuple[str, ...] = ("follows", "edge", "too_short", "too_long")
-"""What is said of a step in yes and no; each is a field of `StepInfo`."""
+"""The properties of a step that hold or do not; each is a field of `StepInfo`."""
 
 
 class StepInfo(NamedTuple):
@@ -66,7 +40,7 @@ class StepInfo(NamedTuple):
     phase: Int[Any, "*batch"]
     """The location after the step: 0 … K−1, or K outside all phases."""
     follows: Bool[Any, "*batch"]
-    """Whether the step belongs to the behaviour, so that ±1 is +1."""
+    """Whether the step is as the form wants it; where it pays ±1, whether it pays +1."""
     edge: Bool[Any, "*batch"]
     """Whether it went along an edge."""
     too_short: Bool[Any, "*batch"]
@@ -75,11 +49,13 @@ class StepInfo(NamedTuple):
     """Whether it is still in a phase whose time is up."""
     cycles: Int[Any, "*batch"]
     """How many cycles it completed; they are counted only with a cycle bonus."""
+    form: dict[str, Any]
+    """What else the form has to report."""
     terms: dict[str, Float[Any, "*batch"]]
-    """What is paid, by what for: `phases` or `shaping`, and `cycles`. They add up to the reward."""
+    """Parts of the reward: the form's, such as `phases` or `shaping`, and `cycles`. They add up to it."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class DescribedReward:
     """The reward of a behaviour for runs whose signals are in arrays of NumPy, JAX or torch.
 
@@ -93,27 +69,25 @@ class DescribedReward:
     by leaf.
 
     **Arguments:**
-        behaviour: what to pay for. variant: the reading of r_or; see `reward_table`.
-        dt: the time between two steps [s]; needed only where the behaviour has dwell times.
-        cycle_bonus: what each completed cycle pays on top. A cycle is completed by a step along the last of
-            its edges after all others, one after another, from whichever on, as `Monitor` counts.
-        shaping: pay by a potential in the place of ±1.
+        behaviour: what to pay for.
+        form: how it pays, as a `RewardForm`, or the name of one that needs no arguments.
+        dt: the time between two steps [s]; needed only for dwell times, and for forms that need it.
+        cycle_bonus: what each completed cycle pays on top, in any form; see `along_cycle`.
 
     **Raises:** `ParameterError` for a `dt` that is missing or not positive, a bonus that is not finite or
-    has no cycle to pay for, a potential of no phase, and what `reward_table` raises.
+    has no cycle to pay for, an unknown form, and what `RewardForm.bind` raises.
     """
 
     behaviour: Behaviour
-    variant: Variant = "stay"
+    form: RewardForm | str = "stay"
     dt: int | float | None = None
     cycle_bonus: int | float = 0.0
-    shaping: Shaping | None = None
 
     def __post_init__(self):
-        _ = self.phase_reward, self._potential
+        object.__setattr__(self, "form", form_of(self.form))
         if self.dt is not None and not 0 < self.dt < math.inf:
             raise ParameterError(f"dt is {self.dt!r}; it must be a positive number of seconds")
-        if self.dt is None and self.phase_reward.tracker.has_dwells:
+        if self.dt is None and self.tracker.has_dwells:
             raise ParameterError(
                 f"behaviour {self.behaviour.name!r} says how long phases last, so dt is needed: the time "
                 "between two steps in seconds"
@@ -122,136 +96,136 @@ class DescribedReward:
             raise ParameterError(f"cycle_bonus is {self.cycle_bonus!r}; it must be finite")
         if self.cycle_bonus and not self.behaviour.cycles:
             raise ParameterError(f"behaviour {self.behaviour.name!r} has no cycle that a bonus could be for")
+        _ = self.bound_form
 
     def init(self, signals: Float[Any, "*batch num_signals"]) -> RewardMemory:
         """The memory of episodes that begin with these signals."""
-        phase = self.phase_reward.start(signals)
-        return RewardMemory(phase, self.none_gone(phase.location * 0))
+        return self._initial(self.tracker.start(signals), signals)
 
-    def none_gone(self, none: Int[Any, "*batch"] | int) -> tuple[tuple[Any, ...], ...]:
-        """What is remembered of cycles, in zeros, where nothing of any is gone along."""
-        return tuple((none,) * len(cycle) for cycle in self._cycles)
+    def init_unseen(self, signals: Float[Any, "*batch num_signals"]) -> RewardMemory:
+        """The memory of episodes of which nothing was seen, for signals like these.
+
+        Their first step comes from *none yet*, for which a form that pays ±1 pays 0.
+        """
+        return self._initial(self.tracker.before_all(signals), signals)
+
+    def _initial(self, phase: Memory, signals: Float[Any, "*batch num_signals"]) -> RewardMemory:
+        return RewardMemory(phase, *self.initial_memory(phase.location, _zero(signals)))
+
+    def initial_memory(
+        self, location: Int[Any, "*batch"], zero: Float[Any, "*batch"]
+    ) -> tuple[tuple, tuple[Progress, ...]]:
+        """What form and cycles remember of episodes that begin at these locations."""
+        return self.bound_form.init(location, zero), tuple(
+            (location * 0,) * len(cycle) for cycle in self._cycles
+        )
+
+    def initial_info(
+        self, form: tuple, location: Int[Any, "*batch"], zero: Float[Any, "*batch"]
+    ) -> dict[str, Any]:
+        """What `StepInfo.form` is where no step was taken: zeros, of the same names, shapes and dtypes.
+
+        **Arguments:** `form`: what the form remembers of episodes that begin at these locations.
+        """
+        _, payment = self.bound_form.pay(form, Step(Move(location, location), self.dt or 0.0, False, zero))
+        return {name: array_library(zero).zeros_like(value) for name, value in payment.info.items()}
 
     def step(
         self,
         memory: RewardMemory,
         signals: Float[Any, "*batch num_signals"],
         terminated: Bool[Any, "*batch"] | bool = False,
+        elapsed: Float[Any, "..."] | float | None = None,
     ) -> tuple[RewardMemory, Float[Any, "*batch"], StepInfo]:
         """The memory after one more step, the step's reward in the dtype of the signals, and what it was.
 
-        **Arguments:** `terminated`, whether the step ends the episode for good, which matters to shaping
-        alone. A truncated episode is not terminated.
+        **Arguments:** `terminated`, whether the step ends the episode for good, which a truncated one is
+        not; `elapsed`, how long the step lasted [s], by default `dt`.
         """
-        phase, move = self.phase_reward.tracker.advance(memory.phase, signals, self.dt or 0.0)
-        zero = array_library(signals).zeros_like(signals[..., 0])
-        gone, paid, info = self.worth(memory.gone, move, zero, terminated)
-        return RewardMemory(phase, gone), paid, info
+        elapsed = (self.dt or 0.0) if elapsed is None else elapsed
+        phase, move = self.tracker.advance(memory.phase, signals, elapsed)
+        step = Step(move, elapsed, terminated, _zero(signals))
+        form, cycles, paid, info = self.pay(memory.form, memory.cycles, step)
+        return RewardMemory(phase, form, cycles), paid, info
 
-    def worth(
-        self,
-        gone: tuple[tuple[Any, ...], ...],
-        move: Move,
-        zero: Float[Any, "*batch"],
-        terminated: Bool[Any, "*batch"] | bool,
-    ) -> tuple[tuple[tuple[Any, ...], ...], Float[Any, "*batch"], StepInfo]:
-        """What is gone of each cycle after a move, what the move pays, and what it was.
+    def pay(
+        self, form: tuple, cycles: tuple[Progress, ...], step: Step
+    ) -> tuple[tuple, tuple[Progress, ...], Float[Any, "*batch"], StepInfo]:
+        """What form and cycles remember after a step, what the step pays, and what it was.
 
-        **Arguments:** `gone`, of each cycle before the move; `zero`, in the form of what is to be paid.
+        **Arguments:** `form`, `cycles`: what they remember before it.
         """
-        pay = self.phase_reward.pay(move)
-        no = move.location != move.location
-        gone, completed = self._count(gone, move)
-        if self.shaping is None:
-            terms = {"phases": zero + pay}
-        else:
-            before, after = (self._potential_at(place, zero) for place in (move.previous, move.location))
-            after = array_library(zero).where(no | terminated, zero, after)
-            terms = {"shaping": self.shaping.discount * after - before}
+        move, zero = step.move, step.zero
+        form, payment = self.bound_form.pay(form, step)
+        where = array_library(move.location).where
+        after = [
+            along_cycle(cycle, progress, move.previous, move.location, where)
+            for cycle, progress in zip(self._cycles, cycles, strict=True)
+        ]
+        completed = [done for _, done in after]
+        terms = dict(payment.terms)
         if self.cycle_bonus:
             terms["cycles"] = self.cycle_bonus * sum(completed, start=zero)
+        no = move.location != move.location
         info = StepInfo(
             phase=move.location,
-            follows=pay > 0,
+            follows=payment.follows,
             edge=beside(self._edges, move.location)[move.previous, move.location],
             too_short=no if move.too_short is None else move.too_short,
             too_long=no if move.too_long is None else move.too_long,
             cycles=sum(completed, start=move.location * 0),
+            form=payment.info,
             terms=terms,
         )
-        return gone, sum(terms.values(), start=zero), info
+        return form, tuple(progress for progress, _ in after), sum(terms.values(), start=zero), info
 
-    @cached_property
-    def phase_reward(self) -> PhaseReward:
-        """±1."""
-        return PhaseReward.of(self.behaviour, self.variant)
+    def observe(
+        self, memory: RewardMemory, signals: Float[Any, "*batch num_signals"]
+    ) -> Float[Any, "*batch numbers"]:
+        """What a policy may see of the memory, in the dtype of the signals; see `observation_names`."""
+        return self.observed(memory.form, memory.phase.location, _zero(signals))
+
+    def observed(
+        self, form: tuple, location: Int[Any, "*batch"], zero: Float[Any, "*batch"]
+    ) -> Float[Any, "*batch numbers"]:
+        """The same for what the form remembers, and the location."""
+        return array_library(zero).stack(self.bound_form.observe(form, location, zero), -1)
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """Names of the numbers that `observe` gives, each of them in [0, 1]."""
+        return self.bound_form.observation_names
 
     @property
     def phase_names(self) -> tuple[str, ...]:
-        """What the locations 0 … K are called."""
-        return (*self.behaviour.phase_names, "outside")
+        """Names of the locations 0 … K."""
+        return (*self.behaviour.phase_names, OUTSIDE)
+
+    @cached_property
+    def tracker(self) -> Tracker:
+        """Where a run is."""
+        return Tracker.of(self.behaviour)
+
+    @cached_property
+    def bound_form(self) -> BoundForm:
+        """The form for this behaviour."""
+        return form_of(self.form).bind(self.behaviour, self.dt)
 
     @cached_property
     def _edges(self) -> Bool[np.ndarray, "previous current"]:
         """Whether an edge leads from a location to another; no edge leads from *none yet*."""
         count = len(self.behaviour.phases)
         edges = np.zeros((count + 2, count + 1), bool)
-        for edge in self.behaviour.edges:
-            edges[self._pair(edge)] = True
+        for edge in pairs(self.behaviour, self.behaviour.edges):
+            edges[edge] = True
         return edges
 
     @cached_property
-    def _cycles(self) -> tuple[tuple[tuple[int, int], ...], ...]:
+    def _cycles(self) -> tuple[Pairs, ...]:
         """The cycles that are counted."""
         counted = self.behaviour.cycles if self.cycle_bonus else ()
-        return tuple(tuple(map(self._pair, cycle)) for cycle in counted)
+        return tuple(pairs(self.behaviour, cycle) for cycle in counted)
 
-    def _pair(self, edge: Edge) -> tuple[int, int]:
-        place = self.behaviour.phase_names.index
-        return place(edge.source), place(edge.target)
 
-    def _count(
-        self, gone: tuple[tuple[Any, ...], ...], move: Move
-    ) -> tuple[tuple[tuple[Int[Any, "*batch"], ...], ...], list[Bool[Any, "*batch"]]]:
-        """How far the run is along each cycle, and whether that cycle is now completed."""
-        xp = array_library(move.location)
-        moved = move.location != move.previous
-        after, completed = [], []
-        for edges, before in zip(self._cycles, gone, strict=True):
-            now, done = [], move.location != move.location
-            for index, (source, target) in enumerate(edges):
-                along = (move.previous == source) & (move.location == target)
-                now.append(xp.where(moved, xp.where(along, before[index - 1] + 1, 0), before[index]))
-                done = done | (now[-1] == len(edges))
-            completed.append(done)
-            after.append(tuple(xp.where(done, 0, count) for count in now))
-        return tuple(after), completed
-
-    @cached_property
-    def _potential(self) -> Float[np.ndarray, " locations"]:
-        """Φ of the locations 0 … K."""
-        potential = np.zeros(len(self.behaviour.phases) + 1)
-        if self.shaping is None:
-            return potential
-        names = self.behaviour.phase_names
-        given = self.shaping.potential
-        if given is None:
-            if not self.behaviour.cycles:
-                raise ParameterError(
-                    f"behaviour {self.behaviour.name!r} has no cycle to make progress along; give the "
-                    "potential of its phases"
-                )
-            cycle = tuple(dict.fromkeys(edge.source for edge in self.behaviour.cycles[0]))
-            given = {name: (index + 1) / len(cycle) for index, name in enumerate(cycle)}
-        for name, value in given.items():
-            if name not in names:
-                raise ParameterError(f"potential of an unknown phase {name!r}; {suggestion(name, names)}")
-            potential[names.index(name)] = value
-        return potential
-
-    def _potential_at(self, location: Int[Any, "*batch"], zero: Float[Any, "*batch"]) -> Float[Any, "*batch"]:
-        xp = array_library(zero)
-        return sum(
-            (xp.where(location == k, zero + phi, zero) for k, phi in enumerate(self._potential.tolist())),
-            zero,
-        )
+def _zero(signals: Float[Any, "*batch num_signals"]) -> Float[Any, "*batch"]:
+    return array_library(signals).zeros_like(signals[..., 0])

@@ -12,7 +12,7 @@ from coachable.behaviours.behaviour import Behaviour, Dwell, Edge
 from coachable.behaviours.checking.comparison import always_equal, disagreements, staying_differs
 from coachable.behaviours.expressions import Number, Variable
 from coachable.behaviours.predicates import Between, Comparison, Predicate, Signal, subpredicates
-from coachable.rewards.phase_reward import reward_table
+from coachable.rewards.forms import reward_table
 
 
 @dataclass(frozen=True)

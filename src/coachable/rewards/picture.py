@@ -15,7 +15,7 @@ from coachable.diagram.layout import Box, Ring, drawing_order, surrounding
 from coachable.diagram.lettering import Line, lettering, safe, size_of, text_width
 from coachable.diagram.routing import Arrow, routes, straight
 from coachable.foundation.style import PAID, PUNISHED
-from coachable.rewards.phase_reward import Variant, reward_table
+from coachable.rewards.forms import Variant, reward_table
 
 _SAYS: Mapping[Variant, str] = MappingProxyType(
     {

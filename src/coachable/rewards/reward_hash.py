@@ -1,4 +1,4 @@
-"""A name for what a reward pays, so that two runs can be told to have been paid alike."""
+"""A hash of what a reward pays: two runs with equal hashes were paid alike."""
 
 from __future__ import annotations
 
@@ -7,26 +7,28 @@ import json
 
 from coachable.behaviours.behaviour import Behaviour, Dwell
 from coachable.behaviours.rewriting import normal_form
-from coachable.rewards.phase_reward import Variant, reward_table
+from coachable.rewards.forms import RewardForm, form_of
 from coachable.rewards.setup import RewardSetup, Semantics
 
 
-def reward_hash(behaviour: Behaviour, variant: Variant, semantics: Semantics, setup: RewardSetup) -> str:
+def reward_hash(
+    behaviour: Behaviour, form: RewardForm | str, semantics: Semantics, setup: RewardSetup
+) -> str:
     """SHA-256, in hexadecimal, of what the reward pays.
 
     It covers the phases' predicates in their normal form and order, deadbands included, their dwell times if
-    there are any, the table of r_or, the semantics and the weights. Names of phases, titles, descriptions,
-    units, phrases, the setup's name and the events on edges pay nothing and leave it unchanged. It is the
-    same on every machine and in every run.
+    there are any, the table of r_or or what else the form pays by, the semantics and the weights. Names of
+    phases, titles, descriptions, units, phrases, the setup's name and the events on edges pay nothing and
+    leave it unchanged. It is the same on every machine and in every run.
     """
     weights = [repr(weight + 0.0) for weight in setup.weights]
-    return hash_of_paid(behaviour, variant, semantics=semantics, weights=weights)
+    return hash_of_paid(behaviour, form, semantics=semantics, weights=weights)
 
 
-def hash_of_paid(behaviour: Behaviour, variant: Variant, **also: object) -> str:
-    """The same for a reward that is described by its behaviour, its table and what `also` tells."""
+def hash_of_paid(behaviour: Behaviour, form: RewardForm | str, **also: object) -> str:
+    """The same for a reward that is determined by its behaviour, its form and `also`."""
     paid: dict[str, object] = {
-        "orthant_table": reward_table(behaviour, variant).tolist(),
+        **form_of(form).paid_by(behaviour),
         "phases": [str(normal_form(phase.predicate)) for phase in behaviour.phases],
         **also,
     }

@@ -7,52 +7,58 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from coachable.automata.decision_diagram import DecisionDiagram
 from coachable.automata.tracker import CLOCK_TOLERANCE, Move
 from coachable.rewards.described_reward import VERDICTS, DescribedReward
+from coachable.rewards.forms import Step
+
+MOST_STEPS = 100_000
+"""How many different steps are kept; a form whose memory takes more values is computed anew."""
 
 
 class RunStep(NamedTuple):
-    """What a step was, in Python's numbers; the same object whenever it comes again, so not to be changed."""
+    """A step in Python's numbers; the same object whenever the same step comes again: do not change it."""
 
-    gone: tuple[tuple[int, ...], ...]
-    """What is gone of each cycle after it; see `RewardMemory`."""
+    memory: tuple[tuple, tuple]
+    """What the form and the cycles remember after it; see `RewardMemory`."""
     paid: float
     phase: str
     location: int
     cycles: int
     verdict: Mapping[str, bool]
     """Whether it `follows` the behaviour, took an `edge`, left `too_short`, stays `too_long`."""
+    form: Mapping[str, bool | int | float]
+    """What else the form has to report."""
+    observed: Float[np.ndarray, " numbers"]
+    """What a policy may see of the memory after it."""
 
 
 class RunReward:
     """Follows one run whose signals come as plain floats, and pays it what `DescribedReward` would.
 
-    Where the run is, and for how long, is worked out sample by sample. What that is worth depends on few
-    values, none of them a time, so `DescribedReward.worth` is asked for each of their combinations once.
+    Location and dwell times are worked out sample by sample. What a step pays depends on values that come
+    again and again, so `DescribedReward.pay` is called for each of their combinations once.
     """
 
     def __init__(self, reward: DescribedReward):
         self._reward = reward
-        tracker = reward.phase_reward.tracker
+        tracker = reward.tracker
         self._none_yet = tracker.none_yet
         self._locate = DecisionDiagram(tracker).locate
         self._dwells = (*tracker.dwells, None) if tracker.has_dwells else ()
         self._dt = reward.dt or 0.0
-        self._worth: dict[tuple, RunStep] = {}
-        none_gone, verdict = reward.none_gone(0), dict.fromkeys(VERDICTS, False)
-        self._begun = [
-            RunStep(none_gone, 0.0, name, location, 0, verdict)
-            for location, name in enumerate(reward.phase_names)
-        ]
-        self._location, self._gone = self._none_yet, none_gone
+        self._steps: dict[tuple, RunStep] = {}
+        self._first = [self._begun_at(location) for location in range(len(reward.phase_names))]
+        self._location = self._none_yet
+        self._memory = self._first[-1].memory
         self._time, self._entered = 0.0, False
 
     def begin(self, values: Sequence[float]) -> RunStep:
-        """Begin an episode with the behaviour's signals in its order; no step, but told like one."""
-        begun = self._begun[self._locate(values, self._none_yet)]
-        self._location, self._gone = begun.location, begun.gone
+        """Begin an episode with the behaviour's signals in its order; a `RunStep` that pays 0."""
+        begun = self._first[self._locate(values, self._none_yet)]
+        self._location, self._memory = begun.location, begun.memory
         self._time, self._entered = 0.0, False
         return begun
 
@@ -60,11 +66,13 @@ class RunReward:
         """One more step, and what it was. `begin` comes first."""
         previous, location = self._location, self._locate(values, self._location)
         too_short, too_long = self._clocked(previous, location) if self._dwells else (None, None)
-        case = (self._gone, previous, location, too_short, too_long, terminated)
-        step = self._worth.get(case)
+        case = (self._memory, previous, location, too_short, too_long, terminated)
+        step = self._steps.get(case)
         if step is None:
-            step = self._worth[case] = self._worked_out(*case)
-        self._location, self._gone = location, step.gone
+            if len(self._steps) >= MOST_STEPS:
+                self._steps.clear()
+            step = self._steps[case] = self._computed(*case)
+        self._location, self._memory = location, step.memory
         return step
 
     def _clocked(self, previous: int, location: int) -> tuple[bool, bool]:
@@ -78,10 +86,34 @@ class RunReward:
             return entered and dwell.too_short(time, tolerance), False
         return False, dwell.too_long(time, tolerance)
 
-    def _worked_out(self, gone: tuple, *move_and_end: Any) -> RunStep:
+    def _begun_at(self, location: int) -> RunStep:
+        place, zero = np.asarray(location), np.zeros(())
+        memory = self._reward.initial_memory(place, zero)
+        info = _plain(self._reward.initial_info(memory[0], place, zero))
+        return self._step(memory, 0.0, location, 0, dict.fromkeys(VERDICTS, False), info)
+
+    def _computed(self, memory: tuple, *move_and_end: Any) -> RunStep:
         *move, terminated = move_and_end
-        gone, move = jax.tree.map(np.asarray, (gone, Move(*move)))
-        worth = self._reward.worth(gone, move, np.zeros(()), terminated)
-        gone, paid, info = jax.tree.map(lambda leaf: np.asarray(leaf).item(), worth)
+        (form, cycles), move = jax.tree.map(np.asarray, (memory, Move(*move)))
+        step = Step(move, self._dt, terminated, np.zeros(()))
+        form, cycles, paid, info = self._reward.pay(form, cycles, step)
+        paid, info = _plain((paid, info))
         verdict = {name: getattr(info, name) for name in VERDICTS}
-        return RunStep(gone, paid, self._reward.phase_names[info.phase], info.phase, info.cycles, verdict)
+        return self._step((form, cycles), paid, info.phase, info.cycles, verdict, info.form)
+
+    def _step(
+        self,
+        memory: tuple[tuple, tuple],
+        paid: float,
+        location: int,
+        cycles: int,
+        verdict: Mapping[str, bool],
+        form: Mapping[str, bool | int | float],
+    ) -> RunStep:
+        observed = self._reward.observed(memory[0], np.asarray(location), np.zeros(()))
+        phase = self._reward.phase_names[location]
+        return RunStep(_plain(memory), paid, phase, location, cycles, verdict, form, observed)
+
+
+def _plain(tree: Any) -> Any:
+    return jax.tree.map(lambda leaf: np.asarray(leaf).item(), tree)

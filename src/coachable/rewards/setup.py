@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
-from coachable.rewards.phase_reward import Variant
+from coachable.rewards.forms import RewardForm, form_from_data
 
 Semantics = Literal["paper", "released-code"]
 
@@ -92,11 +92,23 @@ class DescribedSetup:
     """Whether it is paid in place of the environment's own reward."""
     terms: Mapping[str, float] = field(default_factory=dict, hash=False)
     """If given, the environment's own reward is put together anew: weights of numbers in its info."""
-    reward_variant: Variant = "stay"
+    reward_variant: str | Mapping[str, Any] = "stay"
+    """The reward form as plain data: its name, or a table with its fields; see `form_from_data`."""
     cycle_bonus: float = 0.0
-    append_phase: bool = False
+    """Paid for each completed cycle."""
+    observe: Literal["memory", "nothing"] = "nothing"
+    """Whether what the form lets a policy observe is appended to the observation."""
 
     def __post_init__(self):
+        _ = self.form
+        if self.observe not in ("memory", "nothing"):
+            hint = suggestion(str(self.observe), ("memory", "nothing"))
+            raise ParameterError(f"observe = {self.observe!r}: {hint}")
         for key, value in {"weight": self.weight, "cycle_bonus": self.cycle_bonus, **self.terms}.items():
             if not math.isfinite(value):
                 raise ParameterError(f"{key} must be a finite number, got {value!r}")
+
+    @property
+    def form(self) -> RewardForm:
+        """The reward form."""
+        return form_from_data(self.reward_variant)

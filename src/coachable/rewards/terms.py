@@ -9,18 +9,18 @@ arguments.
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int8
+from jaxtyping import Array, Bool, Float
 
-from coachable.automata.tracker import Move
-from coachable.rewards.phase_reward import PhaseReward
 from coachable.rewards.setup import Semantics
 
 
 class StepFacts(eqx.Module):
     """What the reward of control step t reads of (x_t, x_{t−1}, p_t, p_{t−1}, u_t, u_{t−1}, t)."""
 
-    move: Move
-    """From 𝒪(x_{t−1}), or `PhaseReward.none_yet` on the first step of a `released-code` run, to 𝒪(x_t)."""
+    r_or: Float[Array, ""]
+    """r_or(x_t, x_{t−1}), eq. (r_or), or what another form of `DescribedReward` pays for the behaviour."""
+    unseen: Bool[Array, ""]
+    """Whether nothing was seen before the step: the first of a `released-code` run."""
     hip_x: Float[Array, ""]
     """p_t^x [m]: where the hip is after the step."""
     previous_hip_x: Float[Array, ""]
@@ -37,15 +37,6 @@ class StepFacts(eqx.Module):
     """Whether the walker fell (or chattered) in this step."""
     time_is_up: Bool[Array, ""]
     """H(t − T): whether the step ends at or after the horizon T."""
-
-
-def r_or(phase_reward: PhaseReward, move: Move) -> Int8[Array, ""]:
-    """r_or(x_t, x_{t−1}) = +1 if the step from 𝒪(x_{t−1}) to 𝒪(x_t) belongs to the behaviour, −1 if not.
-
-    Eq. (r_or). Which steps belong to it is read from a table, see `reward_table`; one that violates a dwell
-    time does not.
-    """
-    return phase_reward.pay(move)
 
 
 def r_for(hip_x: Float[Array, ""], previous_hip_x: Float[Array, ""]) -> Float[Array, ""]:
@@ -91,7 +82,7 @@ def r_fall(fell: Bool[Array, ""]) -> Bool[Array, ""]:
     return fell
 
 
-def reward_terms(phase_reward: PhaseReward, facts: StepFacts, semantics: Semantics) -> Float[Array, "5"]:
+def reward_terms(facts: StepFacts, semantics: Semantics) -> Float[Array, "5"]:
     """The five terms of a step, without weights, in the order of `TERM_NAMES`.
 
     Three terms compare with the step before, and pay 0 where there is none:
@@ -102,25 +93,24 @@ def reward_terms(phase_reward: PhaseReward, facts: StepFacts, semantics: Semanti
     | r_for  | x₀ counts as the step before | 0 on the first step of each episode             |
     | r_jerk | 0 on each episode's first    | 0 on the first step of a run; never forgotten   |
 
-    A released-code run is on its first step while its previous location is `none_yet`. What is never
-    forgotten survives the end of an episode: the next episode's first step is compared with the last step
-    of this one.
+    A released-code run is on its first step while its memory is that of `DescribedReward.init_unseen`. What
+    is never forgotten survives the end of an episode: the next episode's first step is compared with the
+    last step of this one.
     """
     if semantics == "paper":
         no_hip_before, no_control_before = jnp.array(False), facts.first
     else:
-        no_hip_before, no_control_before = facts.first, facts.move.previous == phase_reward.none_yet
+        no_hip_before, no_control_before = facts.first, facts.unseen
     jerk = r_jerk(facts.control, facts.previous_control, semantics)
     distance = r_dist(facts.hip_x, facts.foot_x, facts.time_is_up, facts.fell, semantics)
     fall = r_fall(facts.fell)
     forward = r_for(facts.hip_x, facts.previous_hip_x)
-    orthant = r_or(phase_reward, facts.move)
     terms = (
         jnp.where(no_control_before, 0, jerk),
         distance,
         fall,
         jnp.where(no_hip_before, 0, forward),
-        orthant,
+        facts.r_or,
     )
     return jnp.stack([term.astype(facts.hip_x.dtype) for term in terms])
 

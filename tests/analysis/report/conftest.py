@@ -15,7 +15,6 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.baselines import baseline
 from coachable.experiments.plan import load_plan
-from coachable.experiments.run_folder.reader import BASELINE
 from coachable.experiments.run_folder.schemas import schemas
 from coachable.experiments.run_folder.writer import RunFolder
 from coachable.foundation.tables import table_of
@@ -53,7 +52,12 @@ def make_run(gait):
         if behaviour is not None:
             plan = replace(plan, problem=replace(plan.problem, behaviour=behaviour))
         returns = {setup: gait.rewards[setup] for setup in setups}
-        reference = {"controller": BASELINE, "hip_x": gait.hip_x, "foot_x": gait.foot_x, "returns": returns}
+        reference = {
+            "controller": "virtual-gravity",
+            "hip_x": gait.hip_x,
+            "foot_x": gait.foot_x,
+            "returns": returns,
+        }
         path.mkdir(parents=True)
         folder = RunFolder.begin(path, plan, (len(plan.lanes),), reference)
         columns = made_up(plan, gait.trajectory, seconds)
@@ -82,7 +86,7 @@ def made_up(plan, trajectory, seconds):
         ]
         survival.append((lane.name, 20.0 if fell else 100.0, rng.uniform(0.5, 1)))
         walks.append(rows(lane.name, "last", trajectory, seconds * (0.6 if fell else 1)))
-    walks.append(rows(BASELINE, "baseline", trajectory, seconds))
+    walks.append(rows("virtual-gravity", "baseline", trajectory, seconds))
     evaluations = named(evaluations, "lane", "step", "hip_x", "foot_x", "fell", "share_in_cycle")
     nothing = np.zeros(len(evaluations["step"]))
     episodes = named(episodes, "lane", "end_step", "return")

@@ -99,7 +99,7 @@ class StudyReport:
             "curves": curves(self.runs) if self.runs else [],
             "lanes": lanes,
             "poses": packed_poses([self.walks.get(lane["name"]) for lane in lanes]),
-            "baseline": baseline_walk(self.walks),
+            "baseline": baseline_walk(self.walks, (self.run.baseline or {}).get("controller", "")),
         }
 
     @property

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.compute as pc
 
 from coachable.analysis.report.packing import pack
-from coachable.experiments.run_folder.reader import BASELINE, Run
+from coachable.experiments.run_folder.reader import Run
 
 MOST_WALKS = 128
 """Walks in a page, all studies together; of more an even selection is embedded."""
@@ -90,6 +90,6 @@ def even_selection(count: int, most: int) -> list[int]:
     return sorted({round(rank) for rank in np.linspace(0, count - 1, most)})
 
 
-def baseline_walk(walks: Walks) -> dict[str, Any] | None:
-    """The baseline's walk for the page, if it is stored."""
-    return packed_walk(walks[BASELINE]) if BASELINE in walks else None
+def baseline_walk(walks: Walks, controller: str) -> dict[str, Any] | None:
+    """The walk of the baseline controller of this name for the page, if it is stored."""
+    return packed_walk(walks[controller]) if controller in walks else None

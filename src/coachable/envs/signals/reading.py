@@ -1,4 +1,4 @@
-"""What a behaviour reads of somebody's environment, checked: each signal a number, and none missing."""
+"""What a behaviour reads of an environment, checked: each signal a number, and none missing."""
 
 from __future__ import annotations
 
@@ -9,14 +9,10 @@ import gymnasium
 import numpy as np
 from jaxtyping import Bool, Float
 
-from coachable.envs.signals.pack import SignalPack, signal_pack
+from coachable.envs.signals.pack import SIGNAL_PACKS, SignalPack, signal_pack
+from coachable.envs.signals.sources import SignalFunction, Signals, SignalSources
 from coachable.foundation.errors import ParameterError, SignalError
 from coachable.foundation.suggestion import suggestion
-
-SignalFunction = Callable[[Any, Any, Mapping[str, Any]], Any]
-"""From the unwrapped environment, an observation and its info to a number, or to one for each environment."""
-
-Signals = Mapping[str, SignalFunction] | SignalPack | None
 
 OnNaN = Literal["raise", "outside"]
 
@@ -24,15 +20,50 @@ ReadAll = Callable[[Any, Mapping[str, Any]], Sequence[Any]]
 """From an observation and its info to the signals in a row, in the order in which they were named."""
 
 
-def reader_of_one(env: gymnasium.Env, names: tuple[str, ...], signals: Signals) -> ReadAll:
-    """Reads the named signals of an environment; without signals, by the environment's pack.
+def require_signals(names: tuple[str, ...], signals: Signals, environment: str | None) -> None:
+    """Check that signals can be found before an environment is made.
 
-    **Raises:** `ParameterError` if there is no pack, or it or the mapping has not all of the signals.
+    **Arguments:** `environment`: its id, by which its pack is known; `module:id` is taken as `id`.
+
+    **Raises:** `ParameterError` for the first of the names that is not there, and if there is no pack.
+    """
+    if environment is not None:
+        environment = environment.rpartition(":")[2]
+    if isinstance(signals, Mapping):
+        pack = signals.pack if isinstance(signals, SignalSources) else None
+        own, pack = signals, pack or SIGNAL_PACKS.get(environment or "")
+    else:
+        own, pack = {}, signals or signal_pack(environment or "")
+    for name in names:
+        if name in own:
+            if not callable(own[name]):
+                raise ParameterError(
+                    f"signal {name!r} must be a function of (env, observation, info), but it is {own[name]!r}"
+                )
+        elif pack is None:
+            raise ParameterError(f"signal {name!r} is missing in signals; {suggestion(name, own)}")
+        elif name not in (known := [signal.name for signal in pack.signals]):
+            also = "" if not own else ", and signals do not have it either"
+            raise ParameterError(
+                f"{pack.environment} has no signal {name!r}{also}; {suggestion(name, [*own, *known])}"
+            )
+
+
+def reader_of_one(env: gymnasium.Env, names: tuple[str, ...], signals: Signals) -> ReadAll:
+    """Reads the named signals of an environment: by functions, and those without one by the pack.
+
+    **Raises:** `ParameterError` if there is no pack, or a signal is neither in it nor in the mapping.
     """
     signals = signal_pack(env) if signals is None else signals
+    spec = env.unwrapped.spec
+    require_signals(names, signals, None if spec is None else spec.id)
     if isinstance(signals, SignalPack):
         return signals.row_reader(env, names)
-    return _by_functions(env, names, signals)
+    own, others = _parted(names, signals)
+    read_own = _by_functions(env, own, signals)
+    if not others:
+        return read_own
+    return _joined(names, own, read_own, others, _pack_of(signals, env).row_reader(env, others))
 
 
 def reader_of_many(
@@ -45,9 +76,14 @@ def reader_of_many(
 
     **Raises:** as `reader_of_one`, and if a pack would have to look where it cannot.
     """
-    if signals is not None and not isinstance(signals, SignalPack):
-        return _by_functions(env, names, signals)
-    envs = getattr(env.unwrapped, "envs", None)
+    own, others = _parted(names, signals if isinstance(signals, Mapping) else {})
+    envs, read_own = getattr(env.unwrapped, "envs", None), None
+    if isinstance(signals, Mapping):
+        spec = envs[0].unwrapped.spec if envs else env.unwrapped.spec
+        require_signals(names, signals, None if spec is None else spec.id)
+        read_own = _by_functions(env, own, signals)
+        if not others:
+            return read_own
     if envs is None or ends_unseen:
         why = (
             f"{env} does not show its environments"
@@ -58,12 +94,42 @@ def reader_of_many(
             f"a signal pack reads simulators, and {why}; give signals as functions of observations and "
             "infos, or put a BehaviourReward around each environment"
         )
-    readers = [reader_of_one(one, names, signals) for one in envs]
+    if isinstance(signals, Mapping):
+        readers = [_pack_of(signals, one).row_reader(one, others) for one in envs]
+    else:
+        readers = [reader_of_one(one, names, signals) for one in envs]
 
     def read(observations: Any, infos: Mapping[str, Any]) -> list[np.ndarray]:
         return list(np.array([one(None, {}) for one in readers]).T)
 
-    return read
+    return read if read_own is None else _joined(names, own, read_own, others, read)
+
+
+def _parted(
+    names: tuple[str, ...], signals: Mapping[str, SignalFunction]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The names that have a function, and those that have none."""
+    return tuple(name for name in names if name in signals), tuple(
+        name for name in names if name not in signals
+    )
+
+
+def _pack_of(signals: Mapping[str, SignalFunction], env: gymnasium.Env) -> SignalPack:
+    pack = signals.pack if isinstance(signals, SignalSources) else None
+    return pack or signal_pack(env)
+
+
+def _joined(
+    names: tuple[str, ...], own: tuple[str, ...], read_own: ReadAll, others: tuple[str, ...], read: ReadAll
+) -> ReadAll:
+    """Reads some signals in one way and the others in another, in the order of all names."""
+    places = [(0, own.index(name)) if name in own else (1, others.index(name)) for name in names]
+
+    def read_both(observation: Any, info: Mapping[str, Any]) -> list[Any]:
+        values = read_own(observation, info), read(observation, info)
+        return [values[which][place] for which, place in places]
+
+    return read_both
 
 
 def numbers_of_one(
@@ -108,7 +174,7 @@ def numbers_of_many(
 
 
 def time_step(env: Any) -> float | None:
-    """The time between two steps [s] that an environment tells: its `dt`, or the time of a picture."""
+    """The time between two steps [s] that an environment gives: its `dt`, or the time of a picture."""
     base = env.unwrapped
     dt = getattr(base, "dt", None)
     if isinstance(dt, _REAL) and dt > 0:
@@ -125,13 +191,6 @@ _ON_NAN = 'mend it, or take on_nan="outside" to count such a state as outside of
 
 
 def _by_functions(env: Any, names: tuple[str, ...], signals: Mapping[str, SignalFunction]) -> ReadAll:
-    for name in names:
-        if name not in signals:
-            raise ParameterError(f"signal {name!r} is missing in signals; {suggestion(name, signals)}")
-        if not callable(signals[name]):
-            raise ParameterError(
-                f"signal {name!r} must be a function of (env, observation, info), but it is {signals[name]!r}"
-            )
     functions, base = [signals[name] for name in names], env.unwrapped
 
     def read(observation: Any, info: Mapping[str, Any]) -> list[Any]:

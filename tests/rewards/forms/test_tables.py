@@ -10,8 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from coachable.automata.tracker import Move
 from coachable.behaviours import All, Behaviour, Comparison, Dwell, Edge, Phase, Signal, load_behaviour
-from coachable.rewards.phase_reward import VARIANTS, PhaseReward, reward_table
+from coachable.rewards.described_reward import DescribedReward
+from coachable.rewards.forms import VARIANTS, form_of, reward_table
 
 
 @st.composite
@@ -125,7 +127,7 @@ def test_events_do_not_matter_to_the_reward():
 def test_without_the_tests_type_checks_an_unknown_variant_is_refused_with_the_nearest_one():
     program = (
         "from coachable.behaviours import load_behaviour;"
-        "from coachable.rewards.phase_reward import reward_table;"
+        "from coachable.rewards.forms import reward_table;"
         "reward_table(load_behaviour('compass-walking'), 'equations')"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
@@ -133,22 +135,16 @@ def test_without_the_tests_type_checks_an_unknown_variant_is_refused_with_the_ne
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_the_phase_reward_looks_up_the_table_and_pays_nothing_before_anything_was_seen(variant):
-    reward = PhaseReward.of(WALKING, variant)
-    table = reward_table(WALKING, variant)
-    locations = jnp.arange(reward.outside + 1)
-    pay = jax.jit(jax.vmap(jax.vmap(reward, in_axes=(0, None)), in_axes=(None, 0)))
-    np.testing.assert_array_equal(pay(locations, locations), table)
-    np.testing.assert_array_equal(pay(locations, jnp.array([reward.none_yet])), np.zeros((1, 5)))
+def test_moves_pay_by_the_table_and_nothing_before_anything_was_seen(variant):
+    bound = form_of(variant).bind(WALKING, None)
 
+    def r_or(current, previous):
+        return bound.r_or(Move(previous, current))
 
-def test_a_state_is_paid_through_its_location():
-    reward = PhaseReward.of(WALKING)
-    trails, leads = jnp.array([0.1, -0.1, -1.0, 1.0]), jnp.array([0.1, 0.1, -1.0, 1.0])
-    assert reward(reward.locate(leads), reward.locate(trails)) == 1
-    assert reward(reward.locate(trails), reward.locate(leads)) == -1
-    start = jnp.array([0.0, 0.0, -0.4, 2.0])
-    assert reward.locate(start) == reward.outside
+    locations = jnp.arange(5)
+    pay = jax.jit(jax.vmap(jax.vmap(r_or, in_axes=(0, None)), in_axes=(None, 0)))
+    np.testing.assert_array_equal(pay(locations, locations), reward_table(WALKING, variant))
+    np.testing.assert_array_equal(pay(locations, jnp.array([5])), np.zeros((1, 5)))
 
 
 STATES = np.random.default_rng(0).normal(size=(3, 40, 4)).astype(np.float32)
@@ -156,9 +152,9 @@ STATES = np.random.default_rng(0).normal(size=(3, 40, 4)).astype(np.float32)
 
 def paid(reward, states):
     """What runs side by side are paid, sample after sample, in the library of the states."""
-    memory, pays = reward.start(states[:, 0]), []
+    memory, pays = reward.init(states[:, 0]), []
     for sample in range(1, states.shape[1]):
-        memory, _, pay = reward.advance(memory, states[:, sample], 0.01)
+        memory, pay, _ = reward.step(memory, states[:, sample])
         pays.append(pay.tolist())
     return pays
 
@@ -174,7 +170,7 @@ def walking_with(dwell=None, deadband=None):
 @pytest.mark.parametrize("behaviour", [WALKING, walking_with(Dwell(0.015, 0.02)), walking_with(deadband=0.5)])
 def test_numpy_jax_and_torch_are_paid_alike(behaviour, variant):
     torch = pytest.importorskip("torch")
-    reward = PhaseReward.of(behaviour, variant)
+    reward = DescribedReward(behaviour, variant, 0.01)
     from_numpy = paid(reward, STATES)
     assert from_numpy == paid(reward, jnp.asarray(STATES)) == paid(reward, torch.from_numpy(STATES))
     assert {pay for pays in from_numpy for pay in pays} == {-1, 1}
@@ -182,8 +178,8 @@ def test_numpy_jax_and_torch_are_paid_alike(behaviour, variant):
 
 def test_without_deadband_and_dwell_memory_pays_what_the_table_says():
     for variant in VARIANTS:
-        reward = PhaseReward.of(WALKING, variant)
-        locations = reward.classifier(STATES)
+        reward = DescribedReward(WALKING, variant)
+        locations = reward.tracker.classifier(STATES)
         table = reward_table(WALKING, variant)
         assert paid(reward, STATES) == table[locations[:, :-1], locations[:, 1:]].T.tolist()
 
@@ -192,7 +188,7 @@ IN_O1, IN_O2 = np.array([0.1, -0.1, -1.0, 1.0]), np.array([0.1, 0.1, -1.0, 1.0])
 
 
 def test_a_violated_dwell_time_pays_minus_one():
-    reward = PhaseReward.of(walking_with(Dwell(0.03, 0.05)))
+    reward = DescribedReward(walking_with(Dwell(0.03, 0.05)), dt=0.01)
     outside = -IN_O1
 
     def pays(*states):
@@ -208,18 +204,13 @@ def test_a_violated_dwell_time_pays_minus_one():
 def test_a_deadband_pays_for_staying_where_a_wobble_would_not():
     wobble = IN_O1 * [-0.1, 1, 1, 1]
     run = np.stack([IN_O1, wobble, IN_O1, IN_O1])[None]
-    assert paid(PhaseReward.of(WALKING), run) == [[-1], [1], [1]]
-    assert paid(PhaseReward.of(walking_with(deadband=0.02)), run) == [[1], [1], [1]]
+    assert paid(DescribedReward(WALKING), run) == [[-1], [1], [1]]
+    assert paid(DescribedReward(walking_with(deadband=0.02)), run) == [[1], [1], [1]]
 
 
 def test_nothing_is_paid_for_the_first_sample_of_a_run_of_which_nothing_was_seen():
-    reward = PhaseReward.of(walking_with(Dwell(0.03)))
-    memory, _, pay = reward.advance(reward.before_all(IN_O1), IN_O1, 0.01)
+    reward = DescribedReward(walking_with(Dwell(0.03)), dt=0.01)
+    memory, pay, _ = reward.step(reward.init_unseen(IN_O1), IN_O1)
     assert pay == 0
-    _, _, pay = reward.advance(memory, IN_O2, 0.01)
+    _, pay, _ = reward.step(memory, IN_O2)
     assert pay == 1
-
-
-def test_only_the_table_is_traced():
-    leaves = jax.tree.leaves(PhaseReward.of(WALKING))
-    assert [leaf.shape for leaf in leaves] == [(6, 5)]

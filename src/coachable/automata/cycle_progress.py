@@ -1,0 +1,53 @@
+"""How far a run is along the cycles of a behaviour, and when it completes one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from jaxtyping import Bool, Int
+
+from coachable.behaviours.behaviour import Behaviour, Edge
+
+Pairs = tuple[tuple[int, int], ...]
+"""Edges as (source, target), phases by their numbers."""
+
+Progress = tuple[Int[Any, "*batch"] | int, ...]
+"""For each edge of a cycle, how many of its edges in a row end with it."""
+
+
+def pairs(behaviour: Behaviour, edges: Sequence[Edge]) -> Pairs:
+    """Edges of a behaviour by the numbers of their phases."""
+    number = behaviour.phase_names.index
+    return tuple((number(edge.source), number(edge.target)) for edge in edges)
+
+
+def along_cycle(
+    cycle: Pairs,
+    progress: Progress,
+    previous: Int[Any, "*batch"] | int,
+    location: Int[Any, "*batch"] | int,
+    where: Callable[[Any, Any, Any], Any],
+) -> tuple[Progress, Bool[Any, "*batch"] | bool]:
+    """The progress along a cycle after a move, and whether the move completes it.
+
+    A cycle is completed by a move along the last of its edges after all others, one after another, from
+    whichever on; the count then begins anew. A move along none of its edges sets it back to 0, and a sample
+    in the same phase leaves it as it is.
+
+    **Arguments:** `previous`, `location`: of the move, as integers or arrays; `where`: the conditional of
+    their library, `choose` for Python's integers.
+    """
+    moved = location != previous
+    completed = location != location
+    after = []
+    for index, (source, target) in enumerate(cycle):
+        along = (previous == source) & (location == target)
+        after.append(where(moved, where(along, progress[index - 1] + 1, 0), progress[index]))
+        completed = completed | (after[-1] == len(cycle))
+    return tuple(where(completed, 0, count) for count in after), completed
+
+
+def choose(condition: bool, one: Any, other: Any) -> Any:
+    """`where` for Python's own values."""
+    return one if condition else other
