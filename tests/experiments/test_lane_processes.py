@@ -1,4 +1,4 @@
-"""Lanes in processes: all are run, progress are received, and whatever goes wrong stops everything in good order."""
+"""Lanes in processes: all are run, progress is received, and a failure stops everything in good order."""
 
 import errno
 import multiprocessing

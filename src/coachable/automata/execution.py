@@ -188,7 +188,11 @@ class _Executor:
                 before, armed = x, [bool(guard > 0) for guard in self.look(x).guards]
 
                 def happens(
-                    h: float, location: int = location, look=look_ahead, before=before, armed=armed
+                    h: float,
+                    location: str = location,
+                    look: Callable[..., _Look] = look_ahead,
+                    before: Array = before,
+                    armed: list[bool] = armed,
                 ) -> bool:
                     ahead = look(before, control, h)
                     happened = self.event_at(ahead, armed) is not None or self.falls(ahead)

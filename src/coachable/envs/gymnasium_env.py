@@ -28,7 +28,7 @@ from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.plants.named import make_plant
 from coachable.plants.plant import Plant
-from coachable.rewards.forms import Variant
+from coachable.rewards.forms import RewardForm
 from coachable.rewards.setup import RewardSetup, Semantics, paper_setup
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self,
         setup: str | RewardSetup = "orthant",
         semantics: Semantics = "paper",
-        reward_variant: Variant | None = None,
+        reward_variant: RewardForm | str | None = None,
         clock: Clock = "free",
         parameters: Any = None,
         behaviour: Behaviour | str | Path | None = None,

@@ -66,8 +66,8 @@ def run_lanes(
     """Run every work in a process of its own, `num_workers` at once, and `receive` their progress.
 
     `receive` is called with the index of a work and its progress, `watch` at least every `every` seconds. An
-    exception in a work, in `receive` or in `watch` (Ctrl-C arrives there) stops all processes, which save what
-    they have, and is raised.
+    exception in a work, in `receive` or in `watch` (Ctrl-C arrives there) stops all processes, which save
+    what they have, and is raised.
 
     **Raises:** what a work raised that is a user's mistake, or an `OSError`; `RunFolderError` for a process
     that was killed; `RuntimeError` with the other process's traceback for anything else.

@@ -26,8 +26,8 @@ def observation_bounds(
         d/dt √(2 (E + s)) ≤ c
 
     between impacts, and impacts take energy. Hence ½ θ̇ᵀM θ̇ ≤ ½ (√(2 (E₀ + s)) + c T)², which bounds each
-    speed, θ̇1² ≤ M₂₂ θ̇ᵀM θ̇ / det M and θ̇2² ≤ M₁₁ θ̇ᵀM θ̇ / det M; the angles, which swap at impacts, grow no
-    faster than the faster of the legs. A walker up for all of T with its swing leg whirling comes nearest.
+    speed, θ̇1² ≤ M₂₂ θ̇ᵀM θ̇ / det M and θ̇2² ≤ M₁₁ θ̇ᵀM θ̇ / det M; the angles, which swap at impacts, grow
+    no faster than the faster of the legs. A walker up for all of T with its swing leg whirling comes nearest.
     The bound is wide and holds for every policy; what a walker that walks needs is below 2 rad and 10 rad/s.
 
     **Arguments:** `box`, lowest and highest torques (ankle, hip) [N m]; `largest_start`, the largest
