@@ -122,14 +122,14 @@ class Trajectory:
         def with_end(rows: np.ndarray) -> np.ndarray:
             return np.concatenate([rows, np.zeros_like(rows[:1])])
 
-        x = with_start(start.x, steps.observation)
+        x = with_start(start.walk.x, steps.observation)
         states: dict[str, np.ndarray] = dict(zip(task.plant.state_names, x.T, strict=True))
         tracker = task.phase_reward.tracker
         return cls(
-            time=with_start(np.zeros_like(start.foot_x), steps.time),
+            time=with_start(np.zeros_like(start.walk.foot_x), steps.time),
             states=states,
             controls=dict(zip(task.plant.control_names, with_end(steps.control).T, strict=True)),
-            foot_x=with_start(start.foot_x, steps.foot_x),
+            foot_x=with_start(start.walk.foot_x, steps.foot_x),
             hip_x=with_start(start.hip_x, steps.hip_x),
             phase=tracker.along(states, tracker.none_yet),
             terms=dict(zip(TERM_NAMES, with_end(steps.terms).T, strict=True)),
