@@ -114,7 +114,7 @@ class Trajectory:
     def of(cls, task: WalkingTask, episode: Episode) -> "Trajectory":
         """Return the steps of an episode that were taken, as NumPy arrays."""
         start = episode.start
-        x0, foot_x, hip_x = jax.device_get((start.x, start.foot_x, start.hip_x))
+        x0, foot_x, hip_x = jax.device_get((start.walk.x, start.walk.foot_x, start.hip_x))
         steps, alive = jax.device_get((episode.timesteps, episode.alive))
         steps = jax.tree.map(lambda leaf: leaf[alive], steps)
 
