@@ -11,9 +11,11 @@ from dataclasses import dataclass
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from coachable.foundation.errors import ParameterError
 from coachable.plants.plant import Event, Plant
+from coachable.plants.skeleton import PointMass, Segment, Skeleton
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,26 @@ class RimlessWheel(Plant):
     def from_section(self, y):
         """Return (−α, ω)."""
         return jnp.concatenate([jnp.full_like(y, -self.parameters.half_angle), y])
+
+    @property
+    def skeleton(self):
+        """As many spokes as there is room for, leg k the one that stands after k more touchdowns; the hub."""
+        spokes = range(int(math.pi / self.parameters.half_angle))
+        return Skeleton(
+            points=("hub", *(f"foot_{spoke}" for spoke in spokes)),
+            base="hub",
+            segments=tuple(Segment((f"foot_{spoke}", "hub"), leg=spoke) for spoke in spokes),
+            masses=(PointMass("hub", self.parameters.mass),),
+            height=2 * self.parameters.length,
+        )
+
+    def kinematics(self, states, foot_x):
+        """Return where the hub is, and the foot of spoke k, which is 2 α k ahead of the stance spoke."""
+        p, theta = self.parameters, states[..., 0]
+        hub = np.stack([foot_x + p.length * np.sin(theta), p.length * np.cos(theta)], axis=-1)
+        angles = [theta - 2 * p.half_angle * spoke for spoke in range(self.skeleton.num_legs)]
+        feet = [hub - p.length * np.stack([np.sin(angle), np.cos(angle)], axis=-1) for angle in angles]
+        return np.stack([hub, *feet], axis=-2)
 
     def energy(self, x):
         """Return ½ m l² ω² + m g l cos(θ + γ), which the flow without torque conserves."""
