@@ -43,8 +43,6 @@ PICTURES_A_SECOND = 100
 class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     """An episode of a plant, in float32: `WalkingTask`, one compiled step a call.
 
-    `coachable/CompassWalker-v0` is this environment with the defaults below.
-
     **Observation:** the plant's state; its bounds are those of `Plant.observation_bounds`. Of the compass
     walker (θ1, θ2, θ̇1, θ̇2), angles of the stance and the swing leg from upright [rad] and their velocities
     [rad/s], within bounds that no policy can leave.

@@ -113,9 +113,7 @@ class Trajectory:
     @classmethod
     def of(cls, task: WalkingTask, episode: Episode) -> "Trajectory":
         """Return the steps of an episode that were taken, as NumPy arrays."""
-        start = episode.start
-        x0, foot_x, hip_x = jax.device_get((start.x, start.foot_x, start.hip_x))
-        steps, alive = jax.device_get((episode.timesteps, episode.alive))
+        start, steps, alive = jax.device_get((episode.start, episode.timesteps, episode.alive))
         steps = jax.tree.map(lambda leaf: leaf[alive], steps)
 
         def with_start(first: np.ndarray, later: np.ndarray) -> np.ndarray:
@@ -124,15 +122,15 @@ class Trajectory:
         def with_end(rows: np.ndarray) -> np.ndarray:
             return np.concatenate([rows, np.zeros_like(rows[:1])])
 
-        x = with_start(x0, steps.observation)
+        x = with_start(start.walk.x, steps.observation)
         states: dict[str, np.ndarray] = dict(zip(task.plant.state_names, x.T, strict=True))
         tracker = task.phase_reward.tracker
         return cls(
-            time=with_start(np.zeros_like(foot_x), steps.time),
+            time=with_start(np.zeros_like(start.walk.foot_x), steps.time),
             states=states,
             controls=dict(zip(task.plant.control_names, with_end(steps.control).T, strict=True)),
-            foot_x=with_start(foot_x, steps.foot_x),
-            hip_x=with_start(hip_x, steps.hip_x),
+            foot_x=with_start(start.walk.foot_x, steps.foot_x),
+            hip_x=with_start(start.hip_x, steps.hip_x),
             phase=tracker.along(states, tracker.none_yet),
             terms=dict(zip(TERM_NAMES, with_end(steps.terms).T, strict=True)),
         )
