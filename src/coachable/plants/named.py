@@ -70,6 +70,14 @@ def parameters_from(plant: type[Plant], numbers: Mapping[str, Any]) -> Any:
     return kind(**numbers)
 
 
+def name_of(plant: type[Plant]) -> str:
+    """The name by which `plant_class` finds a plant's class."""
+    for name in plant_names():
+        if plant_class(name) is plant:
+            return name
+    return f"{plant.__module__}:{plant.__qualname__}"
+
+
 def make_plant(plant: Plant | str, parameters: Any = None) -> Plant:
     """A plant as it is, or the one of a name, with parameters if they are given.
 

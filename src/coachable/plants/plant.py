@@ -10,11 +10,15 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.plants.controllers import NoTorque
+from coachable.plants.disturbances import Disturbances, Kick
+from coachable.plants.equations import Equations
+from coachable.plants.impact_algebra import ImpactAlgebra
+from coachable.plants.restated import Restated
 
 Controller = Callable[[Float[Array, " state"]], Float[Array, " control"]]
 """From a state to the control to be applied there."""
@@ -84,8 +88,12 @@ class Plant(Dynamics):
 
     state_units: ClassVar[tuple[str, ...]] = ()
     control_units: ClassVar[tuple[str, ...]] = ()
+    actuators: ClassVar[tuple[str, ...]] = ()
+    """Where each control acts, in words: `ankle`; empty for the controls' names."""
     section_names: ClassVar[tuple[str, ...]] = ()
     """Coordinates on the touchdown section; empty if the plant gives no chart of it."""
+    section_units: ClassVar[tuple[str, ...]] = ()
+    """Of each of them; empty for those that coordinates of the same name have in the state."""
     start_box: ClassVar[tuple[float, ...]] = ()
     """Half the widths of the box around `start` from which the basin is sampled; empty if none is given."""
     section_box: ClassVar[tuple[tuple[float, float], ...]] = ()
@@ -103,6 +111,8 @@ class Plant(Dynamics):
             ("start", state),
             ("state_units", state if self.state_units else 0),
             ("control_units", control if self.control_units else 0),
+            ("actuators", control if self.actuators else 0),
+            ("section_units", section if self.section_units else 0),
             ("start_box", state if self.start_box else 0),
             ("section_box", section),
             ("section_near", section),
@@ -157,6 +167,58 @@ class Plant(Dynamics):
         **Raises:** `ParameterError` if the plant gives no chart of its section.
         """
         raise ParameterError(f"{self.name} gives no coordinates on its touchdown section")
+
+    def on_section(self, x: Float[Array, " state"]) -> Bool[Array, ""]:
+        """Whether a state is one right after a touchdown; by default where the section's chart gives it back.
+
+        **Raises:** `ParameterError` if the plant gives no chart of its section.
+        """
+        back = self.from_section(self.to_section(x))
+        return jnp.all(jnp.abs(back - x) <= jnp.finfo(x.dtype).eps ** 0.5)
+
+    def pace(self, x: Float[Array, " state"]) -> Float[Array, ""]:
+        """How far the robot is from losing its way forward, in (0, 1); a half where it stands. By default 1.
+
+        The fall margin of a walk is proportional to it: near falls of a robot that falls back are found so.
+        """
+        return jnp.ones_like(x[0])
+
+    def disturbances(self) -> Disturbances:
+        """What the robot is tried with; by default kicks along each velocity and no other constants."""
+        velocities = [index for index, unit in enumerate(self.state_units) if unit.endswith("/s")]
+        kicks = [
+            Kick(
+                name=f"{self.state_names[index]} {'up' if sign > 0 else 'down'}",
+                direction=tuple(sign * float(k == index) for k in range(len(self.state_names))),
+                greatest=3.0,
+                unit=self.state_units[index],
+            )
+            for index in velocities
+            for sign in (1.0, -1.0)
+        ]
+        return Disturbances(tuple(kicks), section_half_widths=self.section_near)
+
+    def disturbed(self, changes: Mapping[str, Float[Array, ""]]) -> Dynamics:
+        """The robot with other values of what `disturbances` calls nominal; by default nothing can change."""
+        return self
+
+    def placed(
+        self, x: Float[Array, " state"], changes: Mapping[str, Float[Array, ""]]
+    ) -> Float[Array, " state"]:
+        """A state, right after a touchdown, as it is on the disturbed ground; by default the same."""
+        return x
+
+    def restated(self) -> Restated | None:
+        """The physics written down a second time, for SciPy; `None`: then no fall found can be confirmed."""
+        return None
+
+    def equations(self) -> Equations | None:
+        """The physics as text; `None`: then no model of the robot can be exported."""
+        return None
+
+    def impact_algebra(self) -> ImpactAlgebra | None:
+        """The touchdown's reset map as arithmetic; `None`: then no solver can reason about it."""
+        return None
 
     def controllers(self) -> Mapping[str, Controller]:
         """The written controllers by name, the first one the baseline that learning is measured against."""

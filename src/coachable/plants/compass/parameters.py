@@ -68,3 +68,9 @@ class CompassParameters:
 
 PAPER_PARAMETERS = CompassParameters()
 """The walker of the paper."""
+
+STATE_NAMES = ("theta_1", "theta_2", "dtheta_1", "dtheta_2")
+"""Order of the state: stance leg, swing leg (angles from upright [rad], then angular velocities [rad/s])."""
+
+START = (0.0, 0.0, -0.4, 2.0)
+"""The paper's initial state x₀: both legs upright, tipping forward, the swing leg swinging forward."""

@@ -1,12 +1,16 @@
 """Virtual gravity: the controller that walks on the flat as a passive walker does down a slope."""
 
 import math
+from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from coachable.plants.compass.restated import virtual_gravity
 from coachable.plants.compass.walker import CompassWalker
+from coachable.plants.equations import Definitions, decimal
 
 
 class VirtualGravity(eqx.Module):
@@ -29,3 +33,16 @@ class VirtualGravity(eqx.Module):
         pull = math.tan(self.slope)
         hip = p.swing_weight * pull * jnp.cos(dtheta_1 if self.released else theta_2)
         return jnp.stack([p.stance_weight * pull * jnp.cos(theta_1) - hip, hip])
+
+    def formulas(self) -> Definitions:
+        """The torques as text, `torque_1` at the ankle and `torque_2` at the hip [N m]."""
+        leg_angle = "dtheta_1" if self.released else "theta_2"
+        return {
+            "pull": f"sin({decimal(self.slope)}) / cos({decimal(self.slope)})",
+            "torque_2": f"weight_2 * pull * cos({leg_angle})",
+            "torque_1": "weight_1 * pull * cos(theta_1) - torque_2",
+        }
+
+    def restated(self) -> Callable[[np.ndarray], np.ndarray]:
+        """The torques written down a second time, in NumPy."""
+        return virtual_gravity(self.plant.parameters, self.slope, self.released)

@@ -4,23 +4,25 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
+from coachable.plants.compass.disturbances import DISTURBANCES, on_slope
+from coachable.plants.compass.equations import equations
+from coachable.plants.compass.impact_algebra import impact_algebra
 from coachable.plants.compass.observation_bounds import observation_bounds
-from coachable.plants.compass.parameters import PAPER_PARAMETERS, CompassParameters
+from coachable.plants.compass.parameters import PAPER_PARAMETERS, START, STATE_NAMES, CompassParameters
+from coachable.plants.compass.restated import restated
 from coachable.plants.controllers import ConstantTorque, NoTorque
-from coachable.plants.plant import Controller, Event, Plant
-
-STATE_NAMES = ("theta_1", "theta_2", "dtheta_1", "dtheta_2")
-"""Order of the state: stance leg, swing leg (angles from upright [rad], then angular velocities [rad/s])."""
-
-START = (0.0, 0.0, -0.4, 2.0)
-"""The paper's initial state x₀: both legs upright, tipping forward, the swing leg swinging forward."""
-
+from coachable.plants.disturbances import Disturbances
+from coachable.plants.equations import Equations
+from coachable.plants.impact_algebra import ImpactAlgebra
+from coachable.plants.plant import Controller, Dynamics, Event, Plant
+from coachable.plants.restated import Restated
 
 _BEHAVIOURS = {"paper": "compass-walking", "released-code": "compass-walking-released"}
 
@@ -46,11 +48,13 @@ class CompassWalker(Plant):
     state_units = ("rad", "rad", "rad/s", "rad/s")
     control_names = ("u1", "u2")
     control_units = ("N m", "N m")
+    actuators = ("ankle", "hip")
     start = START
     action_box = ((-2.0, -2.0), (0.0, 0.0))
     """Of the torques (ankle, hip) [N m]; the released code's, the paper has none."""
     section_names = ("beta", "dtheta_1", "dtheta_2")
     """Half the angle between the legs [rad], the legs' velocities [rad/s]."""
+    section_units = ("rad", "rad/s", "rad/s")
     start_box = (0.03, 0.03, 0.04, 0.2)
     """10 % of 0.3 rad and of x₀'s velocities."""
     section_box = ((0.1, 0.5), (-2.0, -0.5), (-1.5, 1.5))
@@ -234,6 +238,42 @@ class CompassWalker(Plant):
         """Return the state θ₁ = β, θ₂ = −β, with both feet on the ground."""
         beta, dtheta_1, dtheta_2 = y
         return jnp.stack([beta, -beta, dtheta_1, dtheta_2])
+
+    def on_section(self, x: Float[Array, "4"]) -> Bool[Array, ""]:
+        """Whether both feet are on the ground, the new stance foot ahead of the other one."""
+        return (jnp.abs(x[0] + x[1]) <= jnp.finfo(x.dtype).eps ** 0.5) & (x[0] > 0)
+
+    def pace(self, x: Float[Array, "4"]) -> Float[Array, ""]:
+        """Return 1 / (1 + exp θ̇₁): without pace before the hip has passed the foot the walker falls back."""
+        return jax.nn.sigmoid(-x[2])
+
+    def disturbances(self) -> Disturbances:
+        """Kicks of one or both legs; other masses, lengths and gravity, and a slope."""
+        return DISTURBANCES
+
+    def disturbed(self, changes: Mapping[str, Float[Array, ""]]) -> Dynamics:
+        """The walker with other masses, lengths and gravity, on a slope."""
+        from coachable.plants.compass.disturbed import DisturbedWalker  # which holds a walker
+
+        return DisturbedWalker(self, **changes)
+
+    def placed(self, x: Float[Array, "4"], changes: Mapping[str, Float[Array, ""]]) -> Float[Array, "4"]:
+        """A state with both feet on the ground, turned by its slope."""
+        return on_slope(x, changes["slope"])
+
+    def restated(self) -> Restated | None:
+        """The paper's walker in its matrices; `None` where `backward_passing_counts`."""
+        return None if self.backward_passing_counts else restated(self.parameters)
+
+    def equations(self) -> Equations | None:
+        """The paper's walker as text; `None` where `backward_passing_counts`."""
+        return None if self.backward_passing_counts else equations(self.parameters)
+
+    def impact_algebra(self) -> ImpactAlgebra | None:
+        """Of touchdowns with the feet apart; `None` where `backward_passing_counts`."""
+        if self.backward_passing_counts:
+            return None
+        return impact_algebra(self.velocities_after_impact, self.reduced_inertia)
 
     def controllers(self) -> Mapping[str, Controller]:
         """Virtual gravity, the released code's where `backward_passing_counts`; a constant torque; none."""
