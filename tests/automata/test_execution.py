@@ -10,7 +10,7 @@ import pytest
 from coachable.automata.execution import Status, execute
 from coachable.automata.hybrid import HybridAutomaton
 from coachable.behaviours import All, Behaviour, Comparison, Edge, Phase, Signal, load_behaviour
-from coachable.plants import START, CompassWalker, ConstantTorque, HybridSystem, NoTorque, VirtualGravity
+from coachable.plants import START, CompassWalker, ConstantTorque, Event, NoTorque, Plant, VirtualGravity
 
 WALKER = CompassWalker()
 GRAVITY = VirtualGravity(WALKER)
@@ -87,36 +87,38 @@ def test_with_the_fifth_orthant_the_gait_walks_through_the_whole_cycle():
     assert len(taken) >= 10
 
 
-class Ball(HybridSystem):
+class Ball(Plant):
     """A ball that bounces; it flies along parabolas, and those Runge–Kutta integrates exactly."""
 
+    parameters: None = None
     restitution: float = 0.8
     lift: float = 0.0
 
-    @property
-    def can_bounce(self):
-        return True
+    name = "the ball"
+    state_names = ("height", "speed")
+    control_names = ("push",)
+    start = (1.0, 0.0)
+    action_box = ((-1.0,), (1.0,))
 
     def flow(self, x, control):
         return jnp.stack([x[1], control[0] - 9.81])
 
-    def guard(self, x):
-        return x[0]
-
-    def can_touch_down(self, x):
-        return x[1] < 0
-
-    def impact(self, x):
-        return jnp.stack([x[0] * 0 + self.lift, -self.restitution * x[1]])
-
-    def step_length(self, x):
-        return jnp.zeros_like(x[0])
+    @property
+    def events(self):
+        return (
+            Event(
+                name="touchdown",
+                guard=lambda x: x[0],
+                admissible=lambda x: x[1] < 0,
+                reset=lambda x: jnp.stack([x[0] * 0 + self.lift, -self.restitution * x[1]]),
+            ),
+        )
 
     def fall_margin(self, x):
         return 5.0 - x[0]
 
-    def signals(self, x, names):
-        return jnp.stack([x[("height", "speed").index(name)] for name in names])
+    def base(self, x, foot_x):
+        return jnp.stack([foot_x, x[0]])
 
 
 class Push(eqx.Module):

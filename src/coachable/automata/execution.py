@@ -13,10 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from coachable.automata.hybrid import TOUCHDOWN, HybridAutomaton
+from coachable.automata.hybrid import HybridAutomaton
 from coachable.behaviours.behaviour import Edge
 from coachable.behaviours.predicates import All, Predicate, holds, phrases_of
 from coachable.behaviours.rewriting import conjuncts
+from coachable.plants.plant import Event
 from coachable.plants.runge_kutta import rk4
 
 _NUM_SUBSTEPS = 4
@@ -104,12 +105,14 @@ class _End(Exception):
 
 
 class _Look(NamedTuple):
-    """All that an execution asks of a state."""
+    """All that an execution evaluates of a state."""
 
     x: Float[Array, " state"]
     signals: Float[Array, " signals"]
-    guard: Float[Array, ""]
-    can_touch_down: Bool[Array, ""]
+    guards: tuple[Float[Array, ""], ...]
+    """Of each of the plant's events."""
+    admissible: tuple[Bool[Array, ""], ...]
+    """Whether a zero of each event's guard counts here."""
     fall_margin: Float[Array, ""]
 
 
@@ -121,11 +124,15 @@ class _Executor:
         self.names = tuple(signal.name for signal in automaton.data_variables)
         self.rows: list[tuple[float, Array, str]] = []
         self.transitions: list[Transition] = []
+        # At an event that no edge carries, unless it is a touchdown, the plant jumps within its location.
+        self.carried = {edge.event for edge in automaton.edges}
         plant = automaton.plant
 
         def look(x: Array) -> _Look:
             signals = plant.signals(x, self.names)
-            return _Look(x, signals, plant.guard(x), plant.can_touch_down(x), plant.fall_margin(x))
+            guards = tuple(event.guard(x) for event in plant.events)
+            admissible = tuple(event.admissible(x) for event in plant.events)
+            return _Look(x, signals, guards, admissible, plant.fall_margin(x))
 
         self.look = jax.jit(look)
         # The lambda hides what jit would hash: a controller may hold arrays.
@@ -178,11 +185,12 @@ class _Executor:
             end = duration * (substep + 1) / _NUM_SUBSTEPS
             while elapsed < end:
                 look_ahead = self.look_ahead[id(self.automaton.activities[location])]
-                before, armed = x, bool(self.look(x).guard > 0)
+                before, armed = x, [bool(guard > 0) for guard in self.look(x).guards]
 
                 def happens(h: float, location=location, look=look_ahead, before=before, armed=armed) -> bool:
                     ahead = look(before, control, h)
-                    return self.touches(ahead, armed) or self.falls(ahead) or not self.inside(location, ahead)
+                    happened = self.event_at(ahead, armed) is not None or self.falls(ahead)
+                    return happened or not self.inside(location, ahead)
 
                 h = _first(happens, end - elapsed)
                 ahead = look_ahead(before, control, h)
@@ -190,11 +198,15 @@ class _Executor:
                 if not jnp.all(jnp.isfinite(x)):
                     raise _End(Status.NOT_FINITE, before)
                 self.rows.append((start + elapsed, x, location))
-                touches = self.touches(ahead, armed)
-                if self.falls(ahead) and not touches:
+                event = self.event_at(ahead, armed)
+                if self.falls(ahead) and event is None:
                     raise _End(Status.FELL, x)
-                if touches or not self.inside(location, ahead):
-                    x, location = self.take_edge(x, location, TOUCHDOWN if touches else None)
+                if event is not None and not event.restarts_clock and event.name not in self.carried:
+                    x = event.reset(x)
+                    self.rows.append((start + elapsed, x, location))
+                    num_transitions += 1
+                elif event is not None or not self.inside(location, ahead):
+                    x, location = self.take_edge(x, location, None if event is None else event.name)
                     num_transitions += 1
                 if num_transitions > _MAX_TRANSITIONS_IN_A_STEP:
                     raise _End(Status.ZENO, x, f"There were {num_transitions} within {elapsed:.3g} s.")
@@ -220,9 +232,12 @@ class _Executor:
         self.rows.append((time, after[edge].x, edge.target))
         return after[edge].x, edge.target
 
-    def touches(self, ahead: _Look, armed: bool) -> bool:
-        """Whether the guard has fallen through zero where the plant can touch down."""
-        return bool(armed and ahead.guard <= 0 and ahead.can_touch_down)
+    def event_at(self, ahead: _Look, armed: Sequence[bool]) -> Event | None:
+        """The plant's first event whose guard has fallen through zero at an admissible state."""
+        happened = zip(self.automaton.plant.events, armed, ahead.guards, ahead.admissible, strict=True)
+        return next(
+            (event for event, rose, guard, counts in happened if rose and guard <= 0 and counts), None
+        )
 
     def falls(self, ahead: _Look) -> bool:
         """Whether the plant has fallen."""

@@ -5,50 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Protocol, runtime_checkable
 
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from coachable.behaviours.behaviour import Behaviour, Edge
 from coachable.behaviours.predicates import Predicate, Signal
 from coachable.foundation.errors import BehaviourError
 from coachable.foundation.suggestion import suggestion
+from coachable.plants.plant import Plant
 
 State = Float[Array, " state"]
 Flow = Callable[[State, Float[Array, " control"]], State]
 Reset = Callable[[State], State]
 
 TOUCHDOWN = "touchdown"
-"""The event of every plant: its guard falls through zero where it can touch down."""
-
-
-@runtime_checkable
-class Plant(Protocol):
-    """What an automaton asks of a plant: a `HybridSystem` whose signals have names."""
-
-    def flow(self, x: State, control: Float[Array, " control"]) -> State:
-        """Return ẋ at state x under the given control."""
-        ...
-
-    def guard(self, x: State) -> Float[Array, ""]:
-        """Return a number that falls through zero at a touchdown."""
-        ...
-
-    def can_touch_down(self, x: State) -> Bool[Array, ""]:
-        """Return whether a falling zero of the guard at x is a touchdown at all."""
-        ...
-
-    def impact(self, x: State) -> State:
-        """Return the state right after a touchdown at x."""
-        ...
-
-    def fall_margin(self, x: State) -> Float[Array, ""]:
-        """Return a number that is positive while the plant is up."""
-        ...
-
-    def signals(self, x: State, names: tuple[str, ...]) -> Float[Array, " signals"]:
-        """Return the named signals at x."""
-        ...
+"""The name of the event at which a foot comes down."""
 
 
 @dataclass(frozen=True)
@@ -74,21 +45,22 @@ class HybridAutomaton:
     resets: Mapping[Edge, Reset]
     """μ₃(e): from the state before the edge to the one after; the identity on edges without an event."""
     plant: Plant
-    """What flows: it gives the data variables their values and says when events happen."""
+    """What flows: it gives the data variables their values, and events."""
 
     @staticmethod
     def of(behaviour: Behaviour, plant: Plant) -> HybridAutomaton:
         """The automaton of a behaviour on a plant: in every phase the plant flows, at an event it jumps.
 
-        How it jumps is the plant's to say; what an edge's own `reset` claims about it is not used.
+        The reset maps are the plant's; what an edge's own `reset` states about them is not used.
 
         **Raises:** `BehaviourError` if an edge carries an event that does not happen to the plant, or a reset
         without an event: nothing then makes the plant jump.
         """
-        jumps: Mapping[str | None, Reset] = {None: _identity, TOUCHDOWN: plant.impact}
+        jumps: dict[str | None, Reset] = {None: _identity}
+        jumps |= {event.name: event.reset for event in plant.events}
         for edge in behaviour.edges:
             if edge.event not in jumps:
-                known = suggestion(str(edge.event), (TOUCHDOWN,))
+                known = suggestion(str(edge.event), [event.name for event in plant.events])
                 raise BehaviourError(
                     f"edge {edge}: nothing called {edge.event!r} happens to the plant; {known}"
                 )
