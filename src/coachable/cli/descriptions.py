@@ -12,7 +12,7 @@ from coachable.cli.options import json_text, option
 from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
-    from coachable.automata.crossing import Crossing
+    from coachable.automata.edges_at_impact import EdgeAtImpact
     from coachable.behaviours.behaviour import Behaviour
 
 _DRAWINGS = (".svg", ".png", ".dot", ".mmd")
@@ -82,12 +82,12 @@ def warn_of_errors(behaviour: str) -> None:
         )
 
 
-def _crossings(behaviour: Behaviour) -> tuple[Crossing, ...]:
-    from coachable.automata.crossing import explain_crossings
+def _crossings(behaviour: Behaviour) -> tuple[EdgeAtImpact, ...]:
+    from coachable.automata.edges_at_impact import explain_edges_at_impact
     from coachable.automata.hybrid import HybridAutomaton
-    from coachable.plants.compass import CompassWalker
+    from coachable.plants.named import plant_class
 
-    return explain_crossings(HybridAutomaton.of(behaviour, CompassWalker()))
+    return explain_edges_at_impact(HybridAutomaton.of(behaviour, plant_class("compass")()))
 
 
 def format(

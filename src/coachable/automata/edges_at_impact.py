@@ -1,9 +1,9 @@
-"""For which states before touchdown does an edge hold at once? Asked of the automaton bound to its plant."""
+"""For which states before touchdown an edge is taken at once, in the automaton bound to its plant."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Literal
 
 import jax
@@ -21,13 +21,10 @@ from coachable.behaviours.notation import pretty_name, pretty_predicate
 from coachable.behaviours.predicates import OPERATORS, All, Comparison, Not, Predicate, Signal, holds
 from coachable.behaviours.rewriting import conjuncts
 from coachable.foundation.errors import BehaviourError
-from coachable.plants.compass import START, STATE_NAMES, CompassWalker, VirtualGravity
+from coachable.plants.impact_algebra import ImpactAlgebra
+from coachable.plants.plant import Plant
 
-Verdict = Literal["always", "never", "sometimes", "unknown"]
-
-_COS_ALPHA = Call("cos", Arithmetic(Variable("theta_1"), "-", Variable("theta_2")))
-_LOWEST, _STEEPEST, _USUAL = 1e-9, 1.57, (0.1, 0.4)
-"""Bounds on θ₂ at touchdown [rad]: above 0; below π/2, where the walker has fallen; and of usual steps."""
+Occurrence = Literal["always", "never", "sometimes", "unknown"]
 
 _NEGLIGIBLE = 1e-12
 """A coefficient below it is what rounding leaves of zero."""
@@ -35,30 +32,33 @@ _NEGLIGIBLE = 1e-12
 
 @dataclass(frozen=True)
 class Bound:
-    """p(c) θ̇₁ + q(c) θ̇₂ ⋚ r(c) of the velocities right before the impact, where c = cos(θ₁ − θ₂).
+    """Σ pᵢ(c) vᵢ ⋚ r(c) of the velocities vᵢ right before the impact, c the cosine of `ImpactAlgebra`.
 
-    Each polynomial is given by what stands before c², before c, and alone.
+    Each polynomial is given by its coefficients of c², c and 1.
     """
 
-    stance: tuple[float, float, float]
-    swing: tuple[float, float, float]
+    left: Mapping[str, tuple[float, float, float]]
+    """pᵢ by the velocity's name."""
+    words: Mapping[str, str]
+    """What each of them is the velocity of, by its name."""
     relation: str
     right: tuple[float, float, float]
 
-    def holds(self, cos: float, dtheta_1: float, dtheta_2: float) -> bool:
+    def holds(self, cos: float, velocities: Mapping[str, float]) -> bool:
         """Whether velocities before the impact fulfil it."""
 
         def at(polynomial: tuple[float, float, float]) -> float:
             return (polynomial[0] * cos + polynomial[1]) * cos + polynomial[2]
 
-        left = at(self.stance) * dtheta_1 + at(self.swing) * dtheta_2
+        left = sum(at(polynomial) * velocities[name] for name, polynomial in self.left.items())
         return OPERATORS[self.relation](left, at(self.right))
 
     def __str__(self) -> str:
-        names = [pretty_name(name) for name in STATE_NAMES[2:]]
         products = [
-            f"({text}) {name}" if " " in text.lstrip("−").replace(" c", "c") else f"{text} {name}"
-            for text, name in zip(map(_polynomial_text, (self.stance, self.swing)), names, strict=True)
+            f"({text}) {pretty_name(name)}"
+            if " " in text.lstrip("−").replace(" c", "c")
+            else f"{text} {pretty_name(name)}"
+            for name, text in ((name, _polynomial_text(one)) for name, one in self.left.items())
             if text != "0"
         ]
         left = " + ".join(products).replace("+ −", "− ")
@@ -74,7 +74,7 @@ class Condition:
     """One part of the invariant that an edge leads to, right after the impact."""
 
     part: Predicate
-    verdict: Verdict
+    verdict: Occurrence
     """Whether it holds after every touchdown in the edge's source."""
     before: Bound | None
     """The same said of the velocities right before the impact, if it is linear in them."""
@@ -89,18 +89,22 @@ class Jump:
 
 
 @dataclass(frozen=True)
-class Crossing:
+class EdgeAtImpact:
     """Whether an edge is taken in the instant of a touchdown that happens in its source."""
 
     edge: Edge
-    verdict: Verdict
+    verdict: Occurrence
     conditions: tuple[Condition, ...]
     taken: Jump | None
     """A touchdown at which it is."""
     refused: Jump | None
     """A touchdown at which it is not."""
     gait: Jump | None
-    """The touchdown of the virtual-gravity gait."""
+    """The touchdown of the baseline's gait."""
+    baseline: str
+    """The name of the controller whose gait that is."""
+    cosine: str
+    """What c is, and what holds of the angles at touchdown."""
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -117,7 +121,7 @@ class Crossing:
                 {
                     "after": str(one.part),
                     "verdict": one.verdict,
-                    "before": None if one.before is None else asdict(one.before),
+                    "before": None if one.before is None else _bound_data(one.before),
                 }
                 for one in self.conditions
             ],
@@ -125,83 +129,95 @@ class Crossing:
         }
 
 
-def explain_crossings(automaton: HybridAutomaton) -> tuple[Crossing, ...]:
-    """`explain_crossing` for every edge of an automaton that is taken at touchdown."""
-    gait = gait_touchdown(_walker_of(automaton))
+def explain_edges_at_impact(automaton: HybridAutomaton) -> tuple[EdgeAtImpact, ...]:
+    """`explain_edge_at_impact` for every edge of an automaton that is taken at touchdown."""
+    gait = gait_touchdown(_plant_of(automaton)[0])
     return tuple(
-        explain_crossing(automaton, edge, gait) for edge in automaton.edges if edge.event == TOUCHDOWN
+        explain_edge_at_impact(automaton, edge, gait) for edge in automaton.edges if edge.event == TOUCHDOWN
     )
 
 
-def explain_crossing(automaton: HybridAutomaton, edge: Edge, gait: State | None = None) -> Crossing:
-    """For which states before touchdown an edge of the compass walker holds at once.
+def explain_edge_at_impact(automaton: HybridAutomaton, edge: Edge, gait: State | None = None) -> EdgeAtImpact:
+    """For which states before touchdown an edge is taken at once.
 
-    At touchdown both feet are on the ground, so θ₁ = −θ₂, and the impact maps the velocities linearly, with
-    coefficients that are rational in c = cos(θ₁ − θ₂). Z3 decides, with c a number on the unit circle; each
-    state that it finds is confirmed with `plant.impact`.
+    The plant's `ImpactAlgebra` maps the velocities linearly, with coefficients that are rational in the
+    cosine c of a difference of angles. Z3 decides, with c a number on the unit circle; each state that it
+    finds is confirmed with the plant's reset map.
 
     **Arguments:** `gait`: the state right before a touchdown of a gait, to be judged as well.
 
-    **Raises:** `BehaviourError` if the edge is not taken at touchdown, or the plant is no compass walker.
+    **Raises:** `BehaviourError` if the edge is not taken at touchdown, or the plant gives no algebra of its
+    impact.
     """
     if edge.event != TOUCHDOWN:
-        raise BehaviourError(f"edge {edge}: it is not taken on {TOUCHDOWN}, so it cannot be asked about that")
-    touchdowns = _Touchdowns(_walker_of(automaton), automaton.invariants[edge.source])
+        raise BehaviourError(f"edge {edge}: it is not taken on {TOUCHDOWN}, so its touchdowns are none")
+    plant, algebra = _plant_of(automaton)
+    touchdowns = _Touchdowns(plant, algebra, automaton.invariants[edge.source])
     target = automaton.invariants[edge.target]
     taken, refused = touchdowns.one(target), touchdowns.one(Not(target))
     conditions = []
     for part in conjuncts(target):
         verdict = _verdict(touchdowns.one(part), touchdowns.one(Not(part)))
-        conditions.append(Condition(part, verdict, _before(part, touchdowns.walker)))
-    return Crossing(
+        conditions.append(Condition(part, verdict, _before(part, algebra)))
+    return EdgeAtImpact(
         edge=edge,
         verdict=_verdict(taken, refused),
         conditions=tuple(conditions),
         taken=None if taken.state is None else touchdowns.jump(taken.state),
         refused=None if refused.state is None else touchdowns.jump(refused.state),
         gait=None if gait is None else touchdowns.jump(gait),
+        baseline=next(iter(plant.controllers())),
+        cosine=_cosine_text(algebra),
     )
 
 
-def gait_touchdown(walker: CompassWalker, seconds: float = 4.0) -> State | None:
-    """The state right before the last touchdown of the virtual-gravity gait from x₀, if there is any."""
+def gait_touchdown(plant: Plant, seconds: float = 4.0) -> State | None:
+    """The state right before the last touchdown of the baseline's gait from x₀, if there is any."""
     anywhere = Behaviour(
         name="anywhere",
         description="",
-        signals=tuple(map(Signal, STATE_NAMES)),
+        signals=tuple(map(Signal, plant.state_names)),
         phases=(Phase("anywhere", "", All()),),
         edges=(Edge("anywhere", "anywhere", TOUCHDOWN),),
     )
-    execution = execute(HybridAutomaton.of(anywhere, walker), START, VirtualGravity(walker), seconds)
+    baseline = next(iter(plant.controllers().values()))
+    execution = execute(HybridAutomaton.of(anywhere, plant), plant.start, baseline, seconds)
     if not execution.transitions:
         return None
     # A transition has two rows of its time; the first is before it.
     row = int(np.searchsorted(execution.times, execution.transitions[-1].time))
-    return dict(zip(STATE_NAMES, execution.states[row].tolist(), strict=True))
+    return dict(zip(plant.state_names, execution.states[row].tolist(), strict=True))
 
 
 @dataclass(frozen=True)
 class _Touchdowns:
-    """The touchdowns of a walker that happen in a location."""
+    """The touchdowns of a plant that happen in a location."""
 
-    walker: CompassWalker
+    plant: Plant
+    algebra: ImpactAlgebra
     source: Predicate
 
     def one(self, target: Predicate) -> Answer:
         """A touchdown after which a predicate holds, of a usual step if possible."""
-        usual = self._one_between(*_USUAL, target)
-        return usual if usual.state is not None else self._one_between(_LOWEST, _STEEPEST, target)
+        usual = self._one_between(*self.algebra.usual, target)
+        return usual if usual.state is not None else self._one_between(*self.algebra.possible, target)
 
     def _one_between(self, lowest: float, highest: float, target: Predicate) -> Answer:
-        question = Question(STATE_NAMES)
+        algebra, names = self.algebra, self.plant.state_names
+        question = Question(names)
         before = question.state()
-        theta_1, theta_2, dtheta_1, dtheta_2 = (before.symbols[name] for name in STATE_NAMES)
-        for fact in (theta_1 == -theta_2, theta_2 >= lowest, theta_2 <= highest):
+        first, second = (before.symbols[name] for name in algebra.angles)
+        bounded = before.symbols[algebra.bounded]
+        together = first == (-second if algebra.mirrored else second)
+        for fact in (together, bounded >= lowest, bounded <= highest):
             question.require_that(fact)
-        cos = question.value(_COS_ALPHA, before)
-        velocities = self.walker.velocities_after_impact(cos, dtheta_1, dtheta_2)
+        cos = question.value(Call("cos", Arithmetic(*_difference(algebra))), before)
+        velocities = algebra.after(cos, [before.symbols[name] for name in algebra.linear])
+        changed = dict(zip(algebra.linear, velocities, strict=True)) | {
+            name: before.symbols[old] for name, old in algebra.swapped.items()
+        }
         after = Moment(
-            dict(zip(STATE_NAMES, (theta_2, theta_1, *velocities), strict=True)),
+            {name: changed[name] for name in names},
             # The witness is judged by the plant itself, not by what the solver made of it.
             lambda free: self.jump(before.floats(free)).after,
         )
@@ -213,25 +229,43 @@ class _Touchdowns:
     def jump(self, before: State) -> Jump:
         """What the plant's impact does to a state, in float64."""
         with jax.enable_x64(True):
-            x = jnp.array([before[name] for name in STATE_NAMES], jnp.float64)
-            after = self.walker.impact(x)
-        return Jump(before, dict(zip(STATE_NAMES, np.asarray(after).tolist(), strict=True)))
+            x = jnp.array([before[name] for name in self.plant.state_names], jnp.float64)
+            after = self.plant.events[0].reset(x)
+        return Jump(before, dict(zip(self.plant.state_names, np.asarray(after).tolist(), strict=True)))
+
+
+def _difference(algebra: ImpactAlgebra) -> tuple[Variable, Literal["-"], Variable]:
+    first, second = algebra.angles
+    return Variable(first), "-", Variable(second)
+
+
+def _cosine_text(algebra: ImpactAlgebra) -> str:
+    first, second = map(pretty_name, algebra.angles)
+    return f"c = cos({first} − {second}), {first} = {'−' if algebra.mirrored else ''}{second}"
+
+
+def _bound_data(bound: Bound) -> Mapping[str, object]:
+    left = {bound.words[name]: polynomial for name, polynomial in bound.left.items()}
+    return {**left, "relation": bound.relation, "right": bound.right}
 
 
 def _jump_data(jump: Jump | None) -> Mapping[str, Mapping[str, float]] | None:
     return None if jump is None else {"before": dict(jump.before), "after": dict(jump.after)}
 
 
-def _walker_of(automaton: HybridAutomaton) -> CompassWalker:
+def _plant_of(automaton: HybridAutomaton) -> tuple[Plant, ImpactAlgebra]:
     plant = automaton.plant
-    if not isinstance(plant, CompassWalker) or plant.backward_passing_counts:
+    algebra = plant.impact_algebra() if isinstance(plant, Plant) else None
+    if not isinstance(plant, Plant) or algebra is None:
+        name = getattr(plant, "name", "this plant")
         raise BehaviourError(
-            "crossings are explained for the compass walker whose touchdowns have both feet apart"
+            f"edges at touchdown are explained for a plant that gives its reset map as arithmetic, and "
+            f"{name} gives none; for the compass walker only touchdowns with the feet apart have one"
         )
-    return plant
+    return plant, algebra
 
 
-def _verdict(holding: Answer, failing: Answer) -> Verdict:
+def _verdict(holding: Answer, failing: Answer) -> Occurrence:
     if holding.state is not None and failing.state is not None:
         return "sometimes"
     if holding.state is not None and failing.decided:
@@ -239,21 +273,20 @@ def _verdict(holding: Answer, failing: Answer) -> Verdict:
     return "never" if holding.state is None and holding.decided else "unknown"
 
 
-def _before(part: Predicate, walker: CompassWalker) -> Bound | None:
-    """A bound on a velocity after the impact, times the reduced inertia, which is positive."""
+def _before(part: Predicate, algebra: ImpactAlgebra) -> Bound | None:
+    """A bound on a velocity after the impact, times the algebra's scale, which is positive."""
     match part:
-        case Comparison(Variable(signal), relation, Number(bound)) if signal in STATE_NAMES[2:]:
-            which = STATE_NAMES.index(signal) - 2
+        case Comparison(Variable(signal), relation, Number(bound)) if signal in algebra.linear:
+            which = list(algebra.linear).index(signal)
         case _:
             return None
 
-    def coefficient(*velocities: float) -> tuple[float, float, float]:
-        return _polynomial(
-            lambda c: walker.velocities_after_impact(c, *velocities)[which] * walker.reduced_inertia(c)
-        )
+    def coefficient(velocity: str) -> tuple[float, float, float]:
+        alone = [1.0 if name == velocity else 0.0 for name in algebra.linear]
+        return _polynomial(lambda c: algebra.after(c, alone)[which] * algebra.scale(c))
 
-    right = _polynomial(lambda c: bound * walker.reduced_inertia(c))
-    return Bound(coefficient(1.0, 0.0), coefficient(0.0, 1.0), relation, right)
+    right = _polynomial(lambda c: bound * algebra.scale(c))
+    return Bound({name: coefficient(name) for name in algebra.linear}, algebra.linear, relation, right)
 
 
 def _polynomial(function: Callable[[float], float]) -> tuple[float, float, float]:
@@ -271,34 +304,34 @@ def _polynomial_text(polynomial: tuple[float, float, float]) -> str:
     return " + ".join(terms).replace("+ −", "− ") or "0"
 
 
-def _sentences(crossing: Crossing) -> Iterator[str]:
-    edge = f"{crossing.edge.source} → {crossing.edge.target}"
-    needed = [one for one in crossing.conditions if one.verdict != "always"]
-    match crossing.verdict:
+def _sentences(found: EdgeAtImpact) -> Iterator[str]:
+    edge = f"{found.edge.source} → {found.edge.target}"
+    needed = [one for one in found.conditions if one.verdict != "always"]
+    match found.verdict:
         case "always":
-            yield f"{edge} is taken in the instant of every touchdown in {crossing.edge.source}."
+            yield f"{edge} is taken in the instant of every touchdown in {found.edge.source}."
         case "never":
-            yield f"{edge} is taken in the instant of no touchdown in {crossing.edge.source}."
+            yield f"{edge} is taken in the instant of no touchdown in {found.edge.source}."
         case "unknown":
             yield f"Whether {edge} is taken in the instant of a touchdown is unknown to Z3. It would need"
         case _:
             yield f"{edge} is taken in the instant of a touchdown exactly where"
-    if crossing.verdict != "always":
+    if found.verdict != "always":
         for one in needed:
             before = "" if one.before is None else f", that is {one.before} right before it"
             never = ", which never is" if one.verdict == "never" else ""
             yield f"  {pretty_predicate(one.part)} right after it{before}{never}"
         if any(one.before is not None for one in needed):
-            yield "  where c = cos(θ₁ − θ₂), θ₁ = −θ₂"
-    for does, jump in (("is", crossing.taken), ("is not", crossing.refused)):
+            yield f"  where {found.cosine}"
+    for does, jump in (("is", found.taken), ("is not", found.refused)):
         if jump is not None:
             yield f"It {does} taken at {_listing(jump.before)}: right after, {_listing(jump.after)}."
-    if crossing.gait is not None:
-        misses = [pretty_predicate(one.part) for one in needed if not holds(one.part, crossing.gait.after)]
+    if found.gait is not None:
+        misses = [pretty_predicate(one.part) for one in needed if not holds(one.part, found.gait.after)]
         why = f" does not take it, for it misses {' and '.join(misses)}" if misses else " takes it"
         yield (
-            f"The virtual-gravity gait{why}: "
-            f"{_listing(crossing.gait.before)} becomes {_listing(crossing.gait.after)}."
+            f"The {found.baseline} gait{why}: "
+            f"{_listing(found.gait.before)} becomes {_listing(found.gait.after)}."
         )
 
 
