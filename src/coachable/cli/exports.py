@@ -109,6 +109,7 @@ def _lane(
 ) -> Model:
     from coachable.experiments.run_folder.reader import load_run
     from coachable.verification.export.model import Model
+    from coachable.verification.passport.closed_loop import plant_of
 
     run = load_run(path)
     if run.plan.semantics != "paper":
@@ -119,7 +120,7 @@ def _lane(
     setup, seed = setup or run.plan.setups[0].name, run.plan.first_seed if seed is None else seed
     policy = run.policy(setup, seed, which)
     name = f"{run.behaviour.name}, {which} policy of {run.lane(setup, seed).name}"
-    return Model(name, run.behaviour, policy, run.plan.plant, clock or run.plan.clock)
+    return Model(name, run.behaviour, policy, plant_of(run), clock or run.plan.clock)
 
 
 def _behaviour(
@@ -128,21 +129,16 @@ def _behaviour(
     clock: Clock | None,
 ) -> Model:
     from coachable.behaviours.library import load_behaviour
-    from coachable.plants.compass import WALKING_TORQUE, CompassWalker, VirtualGravity
-    from coachable.plants.controllers import ConstantTorque, NoTorque
+    from coachable.plants.named import plant_class
     from coachable.verification.export.model import Model
 
-    behaviour = load_behaviour(name)
+    behaviour, plant = load_behaviour(name), plant_class("compass")()
     if baseline is None:
         if clock is not None:
             raise CoachableError("free inputs are not sampled; give a --baseline, or leave out --clock")
-        return Model(f"{behaviour.name}, free inputs", behaviour, None)
-    controller = {
-        "virtual-gravity": VirtualGravity(CompassWalker()),
-        "constant-torque": ConstantTorque(WALKING_TORQUE),
-        "none": NoTorque(2),
-    }[baseline]
-    return Model(f"{behaviour.name}, {baseline}", behaviour, controller, clock=clock or "free")
+        return Model(f"{behaviour.name}, free inputs", behaviour, None, plant)
+    controller = plant.controllers()[baseline]
+    return Model(f"{behaviour.name}, {baseline}", behaviour, controller, plant, clock or "free")
 
 
 def _keymaerax(model: Model) -> str:

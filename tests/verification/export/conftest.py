@@ -27,11 +27,11 @@ def policy():
 @pytest.fixture(scope="session")
 def models(policy):
     """By what drives them."""
-    walking = load_behaviour("compass-walking")
+    walking, plant = load_behaviour("compass-walking"), CompassWalker()
     return {
-        "bare": Model("compass-walking, free inputs", walking, None),
-        "gravity": Model("compass-walking, virtual-gravity", walking, VirtualGravity(CompassWalker())),
-        "policy": Model("compass-walking, a policy", walking, policy, clock="touchdown"),
+        "bare": Model("compass-walking, free inputs", walking, None, plant),
+        "gravity": Model("compass-walking, virtual-gravity", walking, VirtualGravity(plant), plant),
+        "policy": Model("compass-walking, a policy", walking, policy, plant, clock="touchdown"),
     }
 
 

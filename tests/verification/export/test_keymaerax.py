@@ -9,7 +9,7 @@ from coachable.behaviours.predicates import All, Any, Comparison, Not, Signal
 from coachable.foundation.errors import BehaviourError, ParameterError
 from coachable.plants.compass import STATE_NAMES, CompassParameters, CompassWalker, VirtualGravity
 from coachable.plants.controllers import ConstantTorque
-from coachable.verification.export.equations import decimal, inlined
+from coachable.plants.equations import decimal, inlined
 from coachable.verification.export.keymaerax import keymaerax
 from coachable.verification.export.model import Model
 from tests.verification.export.archive import Archive, BadArchive
@@ -80,7 +80,7 @@ def test_the_archive_flows_and_jumps_as_the_plant_does(models, states):
 def test_the_controller_is_the_formula_for_any_walker_and_slope(models, states, released):
     plant = CompassWalker(CompassParameters(hip_mass=2.0, leg_mass=0.3, a=0.4, b=0.7, gravity=1.62))
     controller = VirtualGravity(plant, slope=-0.11, released=released)
-    model = Model("other", models["gravity"].behaviour, controller, plant.parameters)
+    model = Model("other", models["gravity"].behaviour, controller, plant)
     archive = Archive(keymaerax(model))
     for state in states:
         torques = [archive(name, **state) for name in ("torque_1", "torque_2")]
@@ -88,7 +88,7 @@ def test_the_controller_is_the_formula_for_any_walker_and_slope(models, states, 
 
 
 def test_a_constant_torque_is_written_out(models):
-    model = Model("constant", models["gravity"].behaviour, ConstantTorque((-1.35, -0.18)))
+    model = Model("constant", models["gravity"].behaviour, ConstantTorque((-1.35, -0.18)), CompassWalker())
     archive = Archive(keymaerax(model))
     assert (archive("torque_1"), archive("torque_2")) == (-1.35, -0.18)
 
@@ -153,7 +153,7 @@ def test_any_predicate_is_closed_and_any_name_is_harmless():
         (Phase("a b", 'x */ "', odd), Phase("P1", "", Not(odd))),
         (Edge("a b", "P1"),),
     )
-    archive = Archive(keymaerax(Model('say "no" */', behaviour, None)))
+    archive = Archive(keymaerax(Model('say "no" */', behaviour, None, CompassWalker())))
     state = dict.fromkeys(STATE_NAMES, 0.0)
     assert archive("phase_0", **state)
     assert not archive("P1", **state)
@@ -163,11 +163,11 @@ def test_any_predicate_is_closed_and_any_name_is_harmless():
 def test_what_the_walker_does_not_have_is_refused(models):
     lamp = Behaviour("lamp", "", (Signal("light"),), (Phase("on", "", Comparison("light", ">", 0)),), ())
     with pytest.raises(ParameterError, match="no signal 'light'"):
-        Model("lamp", lamp, None)
+        Model("lamp", lamp, None, CompassWalker())
     walking = models["bare"].behaviour
     ringing = Behaviour("x", "", walking.signals, walking.phases, (Edge("O1", "O2", "ring"),))
     with pytest.raises(BehaviourError, match="'ring'"):
-        Model("ring", ringing, None)
+        Model("ring", ringing, None, CompassWalker())
 
 
 @pytest.mark.parametrize("value", [0.1, 1e-7, -2.0, 123456789.0, 1e22, 5e-324, 9.807])

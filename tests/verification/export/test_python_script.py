@@ -7,6 +7,7 @@ import pytest
 
 from coachable.envs.baselines import baseline
 from coachable.experiments.api import rollout
+from coachable.plants.compass import CompassWalker
 from coachable.plants.controllers import NoTorque
 from coachable.verification.export.model import Model
 from coachable.verification.export.python_script import python_script
@@ -50,7 +51,7 @@ def test_virtual_gravity_walks_the_same_ten_seconds(models, tmp_path):
 @pytest.mark.usefixtures("x64")
 @pytest.mark.parametrize("clock", ["free", "touchdown"])
 def test_a_learned_policy_walks_the_same_with_its_weights_inside(models, policy, tmp_path, clock):
-    model = Model("policy", models["policy"].behaviour, policy, clock=clock)
+    model = Model("policy", models["policy"].behaviour, policy, CompassWalker(), clock)
     theirs = rollout(policy, 3.0, clock=clock)
     walk = walked(model, tmp_path, "3")
     assert len(set(walk["foot_x"])) > 1  # it takes a step at least
@@ -59,7 +60,7 @@ def test_a_learned_policy_walks_the_same_with_its_weights_inside(models, policy,
 
 @pytest.mark.usefixtures("x64")
 def test_a_fall_ends_the_walk_at_the_same_moment(models, tmp_path):
-    model = Model("falls", models["bare"].behaviour, NoTorque(2))
+    model = Model("falls", models["bare"].behaviour, NoTorque(2), CompassWalker())
     theirs = rollout(NoTorque(2), 10.0)
     walk = walked(model, tmp_path)
     assert walk["t"][-1] < 10

@@ -98,4 +98,4 @@ def test_what_spaceex_could_not_read_is_refused(models):
     ):
         behaviour = Behaviour("odd", "", signals, (Phase("P1", "", predicate),), ())
         with pytest.raises(ParameterError, match=r"'P1' of 'odd'.*\.kyx"):
-            spaceex(Model("odd", behaviour, None))
+            spaceex(Model("odd", behaviour, None, CompassWalker()))

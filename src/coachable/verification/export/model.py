@@ -1,4 +1,4 @@
-"""What is exported: a behaviour's automaton on the walker, and what drives it."""
+"""What is exported: a behaviour's automaton on a plant, and what drives it."""
 
 from __future__ import annotations
 
@@ -20,26 +20,17 @@ from coachable.behaviours.expressions import (
 )
 from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate
 from coachable.behaviours.rewriting import expanded
-from coachable.envs.walking_task import Clock
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.learning.policy import Policy
-from coachable.plants.compass import (
-    PAPER_PARAMETERS,
-    START,
-    STATE_NAMES,
-    CompassParameters,
-    CompassWalker,
-    VirtualGravity,
-)
 from coachable.plants.controllers import ConstantTorque, NoTorque
-from coachable.verification.export.equations import decimal, torques_of
+from coachable.plants.equations import Definitions, Equations, decimal
+from coachable.plants.plant import Controller, Plant
+from coachable.plants.sampled import Clock
 
 OUTSIDE = "outside"
 CONTROL_DT = 0.01
 """How long a torque is held [s]."""
-
-ABOUT = "The compass walker of Harnack et al., CDC 2023, in SI units; 1 is the stance leg, 2 the swing leg."
 
 _CLOSED = {"<": "<=", "<=": "<=", ">": ">=", ">=": ">="}
 _OPPOSITE = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
@@ -52,14 +43,14 @@ class Location:
     name: str
     """Letters and digits, perhaps with an index: `O1`, `phase_2`."""
     title: str
-    """What people call it."""
+    """Its title, for people."""
     invariant: Predicate | None
     """Where the state must be; `None` outside all phases."""
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A behaviour's automaton, the walker's flow in each of its locations, and what drives it.
+    """A behaviour's automaton, the plant's flow in each of its locations, and what drives it.
 
     Bare, without a controller, the torques are free, and the automaton is that of section II of the paper:
     what it does not allow does not happen. With one, a location `outside` is added, which can be entered from
@@ -68,18 +59,30 @@ class Model:
 
     name: str
     behaviour: Behaviour
-    controller: Policy | VirtualGravity | ConstantTorque | NoTorque | None
-    parameters: CompassParameters = PAPER_PARAMETERS
+    controller: Controller | None
+    """A learned policy, or a controller that is written down."""
+    plant: Plant
     clock: Clock = "free"
 
     def __post_init__(self):
+        if self.plant.equations() is None:
+            raise ParameterError(
+                f"{self.plant.name} gives no equations as text, so no model of it can be exported"
+            )
         for signal in self.behaviour.signal_names:
-            if signal not in STATE_NAMES:
+            if signal not in self.plant.state_names:
                 raise ParameterError(
-                    f"behaviour {self.behaviour.name!r}: the compass walker has no signal {signal!r}; "
-                    + suggestion(signal, STATE_NAMES)
+                    f"behaviour {self.behaviour.name!r}: {self.plant.name} has no signal {signal!r}; "
+                    + suggestion(signal, self.plant.state_names)
                 )
-        HybridAutomaton.of(self.behaviour, CompassWalker(self.parameters))
+        HybridAutomaton.of(self.behaviour, self.plant)
+
+    @property
+    def equations(self) -> Equations:
+        """The plant's."""
+        equations = self.plant.equations()
+        assert equations is not None, "checked at construction"
+        return equations
 
     @property
     def locations(self) -> tuple[Location, ...]:
@@ -101,22 +104,38 @@ class Model:
             yield from ((count, count),) if event == TOUCHDOWN else ((count, phase) for phase in range(count))
 
     @property
-    def torques(self) -> dict[str, str] | None:
-        """The controller's formulas, as `torques_of` has them; `None` where it has none."""
-        return None if isinstance(self.controller, Policy | None) else torques_of(self.controller)
+    def controls(self) -> Definitions | None:
+        """The controller's formulas, `torque_1`, … among them; `None` for a policy and without a controller.
+
+        **Raises:** `ParameterError` for a controller that gives no formulas.
+        """
+        match self.controller:
+            case None | Policy():
+                return None
+            case ConstantTorque(torque=torque):
+                return {f"torque_{index}": decimal(one) for index, one in enumerate(torque, start=1)}
+            case NoTorque():
+                return {f"torque_{index}": "0" for index in range(1, len(self.equations.inputs) + 1)}
+        formulas = getattr(self.controller, "formulas", None)
+        if formulas is None:
+            raise ParameterError(
+                f"a {type(self.controller).__name__} gives no formulas, so it cannot be exported; "
+                "export a policy, a baseline or free inputs"
+            )
+        return formulas()
 
     @property
-    def bounds(self) -> tuple[tuple[str, str], tuple[str, str]] | None:
-        """Least and greatest torque (ankle, hip) of a learned policy [N m], as decimals."""
+    def bounds(self) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+        """Least and greatest controls of a learned policy, as decimals."""
         if not isinstance(self.controller, Policy):
             return None
         low, high = self.controller.low.tolist(), self.controller.high.tolist()
-        return (decimal(low[0]), decimal(low[1])), (decimal(high[0]), decimal(high[1]))
+        return tuple(map(decimal, low)), tuple(map(decimal, high))
 
     @property
     def start(self) -> int:
-        """The location of the paper's x0, the first phase that holds there, else outside."""
-        phase = self.behaviour.phase_at(dict(zip(STATE_NAMES, START, strict=True)))
+        """The location of the plant's start, the first phase that holds there, else outside."""
+        phase = self.behaviour.phase_at(self.equations.start)
         names = self.behaviour.phase_names
         return len(names) if phase is None else names.index(phase)
 
@@ -126,27 +145,28 @@ class Model:
 
     @property
     def driven_by(self) -> str:
-        """Where the torques come from, in words."""
+        """Where the controls come from, in words."""
+        words = self.equations.input_words
         if self.controller is None:
-            return "The torques u_1 (ankle) and u_2 (hip) are free inputs."
+            listed = " and ".join(f"{name} ({where})" for name, where in self.equations.inputs.items())
+            return f"The {words} {listed} are free inputs."
         also = ", and at each touchdown, where the clock restarts" if self.clock == "touchdown" else ""
         what = "a learned network" if isinstance(self.controller, Policy) else "a formula"
-        return f"The torques come from {what}, sampled every {CONTROL_DT:g} s{also}, and held."
+        return f"The {words} come from {what}, sampled every {CONTROL_DT:g} s{also}, and held."
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a reader of a model in a prover's language must know, a sentence each."""
         network = (
-            "The network is not in the model: at each sample the torques are any numbers within its bounds. "
-            "So the model does all that the network does, and much more."
+            f"The network is not in the model: at each sample the {self.equations.input_words} are any "
+            "numbers within its bounds. So the model does all that the network does, and much more."
         )
         return (
-            ABOUT,
+            self.equations.about,
             self.driven_by,
             *((network,) if isinstance(self.controller, Policy) else ()),
             "Invariants are closed: neighbours share their boundary, or no edge could be taken.",
-            "A touchdown is a falling zero of theta_1 + theta_2 with the swing leg ahead; a swing foot that "
-            "passes below the ground must rise above it first. Feet may chatter.",
+            self.equations.event.remark,
             *(("Deadbands and dwell times are left out.",) if self._remembers else ()),
             "This states a model. It proves nothing.",
         )

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.resources import files
 
 import jinja2
 import numpy as np
 
 from coachable.learning.policy import Policy
-from coachable.plants.compass import START
-from coachable.verification.export.equations import DERIVED, FLOW, IMPACT, SHARED, constants_of
-from coachable.verification.export.model import ABOUT, Model, python_text
+from coachable.plants.equations import NAME
+from coachable.verification.export.model import Model, python_text
 
 
 def python_script(model: Model) -> str:
@@ -21,23 +20,32 @@ def python_script(model: Model) -> str:
         trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True, undefined=jinja2.StrictUndefined
     ).from_string(source)
     policy = model.controller if isinstance(model.controller, Policy) else None
+    equations = model.equations
+    names = equations.state_names
     return template.render(
         name=_plain(model.name),
-        remarks=(ABOUT, model.driven_by),
-        constants=constants_of(model.parameters),
-        derived=DERIVED,
-        shared=SHARED,
-        flow=FLOW,
-        impact=IMPACT,
-        torques=model.torques,
+        remarks=(equations.about, model.driven_by),
+        equations=equations,
+        names=names,
+        inputs=list(equations.inputs),
+        guard=_indexed(equations.event.guard, names, "x"),
+        admissible=_indexed(equations.event.admissible, names, "landing"),
+        height=_indexed(equations.height, names, "x"),
+        base=_indexed(equations.base[1], names, "x"),
+        controls=model.controls,
         layers=None if policy is None else list(_layers(policy)),
         low=None if policy is None else _numbers(np.asarray(policy.low)),
         high=None if policy is None else _numbers(np.asarray(policy.high)),
         squashing=None if policy is None else policy.squashing,
         phases=[(repr(phase.name), python_text(phase.predicate)) for phase in model.behaviour.phases],
         restarts=model.clock == "touchdown",
-        start=list(START),
+        start=list(equations.start.values()),
     )
+
+
+def _indexed(text: str, names: Sequence[str], vector: str) -> str:
+    """A formula with every coordinate as an entry of a vector: `cos(x[0])`."""
+    return NAME.sub(lambda one: f"{vector}[{names.index(one[0])}]" if one[0] in names else one[0], text)
 
 
 def _layers(policy: Policy) -> Iterator[tuple[list[str], str]]:

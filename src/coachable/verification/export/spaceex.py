@@ -1,4 +1,4 @@
-"""The model as a SpaceEx file: walker, automaton and sampler as components, composed in `system`.
+"""The model as a SpaceEx file: `walker` (the plant), `automaton` and `sampler`, composed in `system`.
 
 Format: Cotton, Frehse, Lebeltel, *The SpaceEx Modeling Language*, 2010.
 """
@@ -10,27 +10,8 @@ from collections.abc import Iterable, Mapping
 
 from coachable.automata.hybrid import TOUCHDOWN
 from coachable.foundation.errors import ParameterError
-from coachable.plants.compass import START, STATE_NAMES
-from coachable.verification.export.equations import (
-    DERIVED,
-    FLOW,
-    IMPACT,
-    RATES,
-    SHARED,
-    constants_of,
-    decimal,
-    inlined,
-)
+from coachable.plants.equations import Equations, decimal, inlined
 from coachable.verification.export.model import CONTROL_DT, Model, comparison_texts
-
-_SIDES = {
-    "behind": "theta_2 <= theta_1",
-    "ahead": "theta_2 >= theta_1 & theta_1 + theta_2 >= 0",
-    "below": "theta_2 >= theta_1 & theta_1 + theta_2 <= 0",
-}
-_ON_GUARD = "theta_1 + theta_2 == 0"
-_PASSING = "theta_1 == theta_2"
-_TORQUES, _ANY_TORQUES = ("u_1", "u_2"), ("any_1", "any_2")
 
 
 def spaceex(model: Model) -> str:
@@ -48,8 +29,8 @@ def spaceex(model: Model) -> str:
     outside = ("Outside all phases there is no invariant: their complement is not convex.",)
     for remark in (model.name, *model.remarks, *(() if model.controller is None else outside)):
         root.append(ET.Comment(f" {remark.replace('--', '- -')} "))
-    constants = {name: decimal(value) for name, value in constants_of(model.parameters).items()}
-    parts = {"walker": _walker(root, constants), "automaton": _automaton(root, model)}
+    constants = {name: decimal(value) for name, value in model.equations.constants.items()}
+    parts = {"walker": _walker(root, model.equations, constants), "automaton": _automaton(root, model)}
     if model.controller is not None:
         parts["sampler"] = _sampler(root, model, constants)
     _system(root, model, parts)
@@ -57,43 +38,38 @@ def spaceex(model: Model) -> str:
     return '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _walker(root: ET.Element, constants: Mapping[str, str]) -> dict[str, str]:
+def _walker(root: ET.Element, equations: Equations, constants: Mapping[str, str]) -> dict[str, str]:
     """The plant, and which of its names is bound to what in the system."""
     component = ET.SubElement(root, "component", id="walker")
-    _reals(component, (*STATE_NAMES, "foot"))
-    _reals(component, _TORQUES, controlled=False)
+    _reals(component, (*equations.state_names, "foot"))
+    _reals(component, equations.inputs, controlled=False)
     _constants(component, constants)
     _label(component)
-    definitions = {**DERIVED, **SHARED, **FLOW, **IMPACT}
-    rates = {name: inlined(rate, definitions) for name, rate in RATES.items()} | {"foot": "0"}
+    definitions = equations.definitions
+    rates = {name: inlined(rate, definitions) for name, rate in equations.rates.items()} | {"foot": "0"}
     flow = " & ".join(f"{name}' == {rate}" for name, rate in rates.items())
-    numbers = {side: str(number) for number, side in enumerate(_SIDES, start=1)}
-    for side, invariant in _SIDES.items():
-        _location(component, numbers[side], side, invariant, flow)
-    for source, target, guard in (
-        ("behind", "ahead", f"{_PASSING} & theta_1 + theta_2 >= 0"),
-        ("behind", "below", f"{_PASSING} & theta_1 + theta_2 <= 0"),
-        ("ahead", "behind", _PASSING),
-        ("below", "behind", _PASSING),
-        ("below", "ahead", _ON_GUARD),
-    ):
-        _transition(component, numbers[source], numbers[target], guard)
+    numbers = {side.name: str(number) for number, side in enumerate(equations.sides, start=1)}
+    for side in equations.sides:
+        _location(component, numbers[side.name], side.name, side.where, flow)
+    for change in equations.side_changes:
+        _transition(component, numbers[change.source], numbers[change.target], change.boundary)
+    event = equations.event
     jump = {
-        "foot": f"foot + {inlined('steplength', definitions)}",
-        "theta_1": "theta_2",
-        "theta_2": "theta_1",
-        "dtheta_1": inlined("after_1", definitions),
-        "dtheta_2": inlined("after_2", definitions),
+        "foot": f"foot + {inlined(event.displacement, definitions)}",
+        **{name: inlined(after, definitions) for name, after in equations.reset.items()},
     }
-    falling = f"{_ON_GUARD} & dtheta_1 + dtheta_2 <= 0"
-    _transition(component, numbers["ahead"], numbers["behind"], falling, TOUCHDOWN, jump)
-    return {name: name for name in (*STATE_NAMES, "foot", *_TORQUES, TOUCHDOWN)} | dict(constants)
+    falling = f"{event.zero} == 0 & {event.falling}"
+    _transition(component, numbers[event.side], numbers[event.next_side], falling, TOUCHDOWN, jump)
+    return {name: name for name in (*equations.state_names, "foot", *equations.inputs, TOUCHDOWN)} | dict(
+        constants
+    )
 
 
 def _automaton(root: ET.Element, model: Model) -> dict[str, str]:
-    """The phases and their edges; it watches the walker, and blocks what it does not allow."""
+    """The phases and their edges; it observes the plant, and blocks what it does not allow."""
     component = ET.SubElement(root, "component", id="automaton")
-    _reals(component, STATE_NAMES, controlled=False)
+    names = model.equations.state_names
+    _reals(component, names, controlled=False)
     _label(component)
     invariants = []
     for index, location in enumerate(model.locations):
@@ -111,31 +87,33 @@ def _automaton(root: ET.Element, model: Model) -> dict[str, str]:
         for source, target in model.edges(event):
             guard = "" if event else invariants[target]
             _transition(component, str(source + 1), str(target + 1), guard, event)
-    return {name: name for name in (*STATE_NAMES, TOUCHDOWN)}
+    return {name: name for name in (*names, TOUCHDOWN)}
 
 
 def _sampler(root: ET.Element, model: Model, constants: Mapping[str, str]) -> dict[str, str]:
-    """The sample clock, and the torques that are held from sample to sample."""
+    """The sample clock, and the controls that are held from sample to sample."""
     component = ET.SubElement(root, "component", id="sampler")
-    _reals(component, ("t", *_TORQUES))
-    _reals(component, STATE_NAMES, controlled=False)
-    names = {name: name for name in ("t", *_TORQUES, *STATE_NAMES)} | {"period": decimal(CONTROL_DT)}
+    equations = model.equations
+    inputs, state = tuple(equations.inputs), equations.state_names
+    _reals(component, ("t", *inputs))
+    _reals(component, state, controlled=False)
+    names = {name: name for name in ("t", *inputs, *state)} | {"period": decimal(CONTROL_DT)}
     _constants(component, ["period"])
     invariant = "t <= period"
-    if model.torques is not None:
-        definitions = {**DERIVED, **model.torques}
-        torques = [inlined(f"torque_{joint}", definitions) for joint in (1, 2)]
+    if (controls := model.controls) is not None:
+        definitions = {**equations.derived, **controls}
+        held = [inlined(f"torque_{joint}", definitions) for joint in range(1, len(inputs) + 1)]
         _constants(component, constants)
         names |= constants
     else:
         assert model.bounds is not None
-        torques = list(_ANY_TORQUES)
-        _reals(component, _ANY_TORQUES, controlled=False)
-        for name, low, high in zip(_ANY_TORQUES, *model.bounds, strict=True):
+        held = _any_inputs(model)
+        _reals(component, held, controlled=False)
+        for name, low, high in zip(held, *model.bounds, strict=True):
             invariant += f" & {low} <= {name} & {name} <= {high}"
-        names |= {name: name for name in _ANY_TORQUES}
-    sample = {"t": "0", **dict(zip(_TORQUES, torques, strict=True))}
-    flow = " & ".join(["t' == 1", *(f"{name}' == 0" for name in _TORQUES)])
+        names |= {name: name for name in held}
+    sample = {"t": "0", **dict(zip(inputs, held, strict=True))}
+    flow = " & ".join(["t' == 1", *(f"{name}' == 0" for name in inputs)])
     _location(component, "1", "holding", invariant, flow)
     _transition(component, "1", "1", "t >= period", None, sample)
     if model.clock == "touchdown":
@@ -151,10 +129,10 @@ def _system(root: ET.Element, model: Model, parts: Mapping[str, Mapping[str, str
     ET.SubElement(component, "note").text = _initially(model)
     names = {name for bound in parts.values() for name in bound.values()}
     sampled = model.controller is not None
-    _reals(component, (*STATE_NAMES, "foot", *(("t", *_TORQUES) if sampled else ())))
-    _reals(
-        component, [name for name in (*_ANY_TORQUES, *(() if sampled else _TORQUES)) if name in names], False
-    )
+    state, inputs = model.equations.state_names, tuple(model.equations.inputs)
+    _reals(component, (*state, "foot", *(("t", *inputs) if sampled else ())))
+    undriven = (*_any_inputs(model), *(() if sampled else inputs))
+    _reals(component, [name for name in undriven if name in names], False)
     _label(component)
     for part, bound in parts.items():
         bind = ET.SubElement(component, "bind", {"component": part, "as": part})
@@ -166,7 +144,7 @@ def _initially(model: Model) -> str:
     """Where it starts, as the configuration file that goes with the model has it."""
     if model.controller is None:
         return "initially: foot == 0, and any state that is in a location of the automaton and of the walker"
-    values = [f"{name} == {decimal(value)}" for name, value in zip(STATE_NAMES, START, strict=True)]
+    values = [f"{name} == {decimal(value)}" for name, value in model.equations.start.items()]
     place = model.locations[model.start].name
     return "initially: " + " & ".join(
         [
@@ -174,9 +152,14 @@ def _initially(model: Model) -> str:
             "foot == 0",
             f"t == {decimal(CONTROL_DT)}",
             f"loc(automaton) == {place}",
-            "loc(walker) == behind",
+            f"loc(walker) == {model.equations.sides[0].name}",
         ]
     )
+
+
+def _any_inputs(model: Model) -> list[str]:
+    """Names of inputs that stand for a network's controls."""
+    return [f"any_{index}" for index in range(1, len(model.equations.inputs) + 1)]
 
 
 def _reals(component: ET.Element, names: Iterable[str], controlled: bool = True) -> None:
