@@ -14,9 +14,9 @@ from coachable.experiments.run_folder.writer import RunFolder
 from coachable.learning.policy import Policy
 from coachable.plants.compass import START, STATE_NAMES, CompassWalker, VirtualGravity
 from coachable.rewards.setup import RewardSetup
+from coachable.verification.gait.closed_loop import ClosedLoop, in_double, stacked
 from coachable.verification.gait.orbit import find_orbits
-from coachable.verification.gait.section import Loop, in_double
-from coachable.verification.gait.walk import settle, stacked
+from coachable.verification.gait.walk import settle
 
 
 def small_policy(seed, feedback, ankle=-1.35, hip=-0.18, hip_limit=0.0):
@@ -36,7 +36,7 @@ def small_policy(seed, feedback, ankle=-1.35, hip=-0.18, hip_limit=0.0):
 
 def loop_of(policy):
     """A policy in float64, sampled and held."""
-    return in_double(Loop(CompassWalker(), policy))
+    return in_double(ClosedLoop(CompassWalker(), policy))
 
 
 WALKS = small_policy(12, 0.2, hip_limit=-0.14)
@@ -55,7 +55,7 @@ def walker():
 def slope_walker():
     """Continuous virtual gravity."""
     plant = CompassWalker()
-    return Loop(plant, VirtualGravity(plant), hold="continuous")
+    return ClosedLoop(plant, VirtualGravity(plant), hold="continuous")
 
 
 @pytest.fixture(scope="session")

@@ -17,13 +17,15 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from coachable.verification.passport.verify import Tell
+from coachable.verification.passport.verify import ProgressCallback
 
 SECONDS_BETWEEN_LINES = 30.0
 
 
 @contextlib.contextmanager
-def walkers_progress(doing: str, num_walkers: int, console: Console | None = None) -> Iterator[Tell]:
+def walkers_progress(
+    doing: str, num_walkers: int, console: Console | None = None
+) -> Iterator[ProgressCallback]:
     """A function to tell how much of a walker is done, which may be called from any thread."""
     console = console or Console(stderr=True)
     if not num_walkers:
@@ -36,7 +38,7 @@ def walkers_progress(doing: str, num_walkers: int, console: Console | None = Non
 
 
 @contextlib.contextmanager
-def _bar(doing: str, num_walkers: int, console: Console) -> Iterator[Tell]:
+def _bar(doing: str, num_walkers: int, console: Console) -> Iterator[ProgressCallback]:
     columns = (
         TextColumn(f"[bold]{doing}"),
         BarColumn(bar_width=None),

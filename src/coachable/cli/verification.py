@@ -22,6 +22,7 @@ from coachable.cli.options import (
 from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
+    from coachable.plants.plant import Plant
     from coachable.verification.passport.closed_loop import Subject
     from coachable.verification.passport.passport import Passport
 
@@ -49,7 +50,7 @@ def verify(
     ] = "quick",
     which: WhichPolicy = "last",
     baseline: Annotated[
-        ControllerName, arg(help="Who stands beside the walker in the table of pushes.")
+        ControllerName, arg(help="What stands beside the walker in the table of pushes.")
     ] = "virtual-gravity",
     semantics: Annotated[Semantics, arg(help="Of a baseline; a run has its own.")] = "paper",
     clock: Annotated[Clock, arg(help="Of a baseline; a policy has its own.")] = "free",
@@ -104,15 +105,16 @@ def verify(
             raise CoachableError(
                 f"{run} is a baseline, without setups and seeds; leave out --setup, --seed, --all"
             )
+        from coachable.plants.named import plant_class
         from coachable.verification.passport.closed_loop import baseline_subject
 
-        subjects = [baseline_subject(run, semantics, clock)]
+        subjects = [baseline_subject(run, plant_class("compass")(), semantics, clock)]
         folder, beside = out, None
     else:
         subjects, beside = _subjects(run, setup, seed, which, baseline, every=all)
         folder = out or Path(run) / "passports"
     passports = _verified(subjects, level, folder, beside, certify=certify, resume=all)
-    _show(passports, summary=all, as_json=json)
+    _show(passports, subjects[0].plant, summary=all, as_json=json)
     if all and folder is not None:
         from coachable.verification.passport.text import write_summary
 
@@ -132,7 +134,7 @@ def _subjects(
 ) -> tuple[list[Subject], Subject]:
     """The lanes asked for, and the baseline of their run."""
     from coachable.experiments.run_folder.reader import load_run
-    from coachable.verification.passport.closed_loop import baseline_subject, lane_subject
+    from coachable.verification.passport.closed_loop import baseline_subject, lane_subject, plant_of
 
     opened = load_run(run)
     plan = opened.plan
@@ -144,7 +146,7 @@ def _subjects(
         lanes = [opened.lane(setup or plan.setups[0].name, first)]
     subjects = [lane_subject(opened, lane.setup, lane.seed, which) for lane in lanes]
     beside = baseline_subject(
-        baseline, plan.semantics, subjects[0].walker.clock, plan.plant, opened.behaviour
+        baseline, plant_of(opened), plan.semantics, subjects[0].walker.clock, opened.behaviour
     )
     return subjects, beside
 
@@ -172,8 +174,8 @@ def _verified(
     if kept:
         print(f"{len(kept)} of {len(subjects)} passports are there already", file=sys.stderr)
     missing = [subject for subject in subjects if subject.walker.name not in kept]
-    with walkers_progress("verify", len(missing)) as tell:
-        made = verify(missing, level, folder, baseline, tell, certify=certify)
+    with walkers_progress("verify", len(missing)) as progress:
+        made = verify(missing, level, folder, baseline, progress, certify=certify)
     by_name = kept | {passport.walker.name: passport for passport in made}
     return [by_name[subject.walker.name] for subject in subjects]
 
@@ -194,7 +196,7 @@ def _recheck(path: Path) -> None:
         sys.exit(1)
 
 
-def _show(passports: list[Passport], *, summary: bool, as_json: bool) -> None:
+def _show(passports: list[Passport], plant: Plant, *, summary: bool, as_json: bool) -> None:
     from rich.console import Console
 
     from coachable.verification.passport.passport import passport_data
@@ -212,4 +214,4 @@ def _show(passports: list[Passport], *, summary: bool, as_json: bool) -> None:
     if summary:
         print_summary(passports, console)
     else:
-        print_passport(passports[0], console)
+        print_passport(passports[0], plant, console)

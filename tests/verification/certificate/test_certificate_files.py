@@ -24,8 +24,8 @@ from coachable.verification.certificate.file import (
     write_certificate,
 )
 from coachable.verification.certificate.proposal import Attempt, Proposal, eigenbasis, propose, rounded
+from coachable.verification.gait.closed_loop import ClosedLoop
 from coachable.verification.gait.orbit import Orbit
-from coachable.verification.gait.section import Loop
 from tests.verification.certificate import simulator
 from tests.verification.certificate.alone import checker as alone
 from tests.verification.certificate.claims import certificate
@@ -119,13 +119,13 @@ def test_numbers_laid_out_otherwise_are_refused(written):
 
 def test_a_certificate_of_another_walker_is_refused(written):
     plant = CompassWalker()
-    mine = Loop(plant, VirtualGravity(plant), control_dt=0.02)
+    mine = ClosedLoop(plant, VirtualGravity(plant), control_dt=0.02)
     assert recheck(written, mine).proven
     heavier = CompassWalker(CompassParameters(hip_mass=1.1))
     for other, part in (
-        (Loop(heavier, VirtualGravity(heavier), control_dt=0.02), "plant"),
-        (Loop(plant, VirtualGravity(plant, slope=-0.06), control_dt=0.02), "controller"),
-        (Loop(plant, VirtualGravity(plant)), "controller"),
+        (ClosedLoop(heavier, VirtualGravity(heavier), control_dt=0.02), "plant"),
+        (ClosedLoop(plant, VirtualGravity(plant, slope=-0.06), control_dt=0.02), "controller"),
+        (ClosedLoop(plant, VirtualGravity(plant)), "controller"),
     ):
         with pytest.raises(RunFolderError, match=f"another walker: its {part}"):
             recheck(written, other)
@@ -150,7 +150,7 @@ def policy():
 
 
 def test_a_policys_single_precision_weights_are_kept_exactly(policy):
-    data = json.loads(json.dumps(controller_data(Loop(CompassWalker(), policy))))
+    data = json.loads(json.dumps(controller_data(ClosedLoop(CompassWalker(), policy))))
     for ours, weight in zip(data["weights"], policy.weights, strict=True):
         assert np.array_equal(np.array(ours), np.asarray(weight).astype(np.float64))
     x = RNG.normal(size=(4, 5))
@@ -162,10 +162,10 @@ def test_a_policys_single_precision_weights_are_kept_exactly(policy):
 def test_walkers_without_certificates_are_refused(policy):
     plant = CompassWalker()
     for loop in (
-        Loop(plant, ConstantTorque((-1.35, -0.18))),
-        Loop(plant, VirtualGravity(plant, released=True)),
-        Loop(plant, policy, hold="continuous"),
-        Loop(CompassWalker(backward_passing_counts=True), policy),
+        ClosedLoop(plant, ConstantTorque((-1.35, -0.18))),
+        ClosedLoop(plant, VirtualGravity(plant, released=True)),
+        ClosedLoop(plant, policy, hold="continuous"),
+        ClosedLoop(CompassWalker(backward_passing_counts=True), policy),
     ):
         with pytest.raises(ParameterError, match="certificate"):
             controller_data(loop)
@@ -181,7 +181,7 @@ def test_the_proposer_finds_a_box_that_the_checker_proves(held_gait, monkeypatch
         "touchdown", "periodic", 1, (tuple(y.tolist()),), (0.0, 0.0, 0.0), nothing, nothing, nothing, nothing
     )
     fractions = []
-    loop = Loop(plant, VirtualGravity(plant), control_dt=0.02)
+    loop = ClosedLoop(plant, VirtualGravity(plant), control_dt=0.02)
     found = propose(loop, orbit, {}, subdivisions=2, progress=fractions.append)
     assert found.certificate is not None
     assert found.verdict is not None

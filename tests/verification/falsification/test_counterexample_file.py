@@ -6,27 +6,29 @@ import pytest
 from coachable.behaviours.library import load_behaviour
 from coachable.cli import main
 from coachable.foundation.errors import RunFolderError
-from coachable.plants.compass import PAPER_PARAMETERS, STATE_NAMES
+from coachable.plants.compass import STATE_NAMES, CompassWalker
 from coachable.plants.controllers import NoTorque
 from coachable.verification.falsification.counterexample_file import (
     load_counterexample,
     write_counterexamples,
 )
-from coachable.verification.falsification.fall_search import Fall, Search
+from coachable.verification.falsification.fall_search import Fall, SearchResult
 from coachable.verification.falsification.falsify import Counterexample, Falsification
 from coachable.verification.falsification.perturbation import HeldTorques
-from coachable.verification.falsification.resimulation import resimulate
+from coachable.verification.falsification.resimulation import numpy_controller, resimulate
 
 
 @pytest.fixture(scope="module")
 def found():
     """Pushed by hand: a walker without torques falls anyhow."""
-    pushes = HeldTorques(1.0, seconds=0.2, hold=10)
-    point = np.linspace(-1, 0.5, pushes.size)
-    starts, torques = pushes.at(point[None])
-    walk = resimulate(NoTorque(2), starts[0], torques[0], PAPER_PARAMETERS, "free", 5.0)
+    pushes = HeldTorques(1.0, seconds=0.2, hold=10, x0=CompassWalker().start)
+    plant = CompassWalker()
+    point = np.linspace(-1, 0.5, pushes.size(plant))
+    starts, torques = pushes.at(plant, point[None])
+    none = numpy_controller(NoTorque(2))
+    walk = resimulate(plant.restated(), none, starts[0], torques[0], "free", 5.0)
     fall = Fall("cma-es", point, walk.seconds)
-    search = Search("cma-es", 16, -0.8, 3, (fall,))
+    search = SearchResult("cma-es", 16, -0.8, 3, (fall,))
     one = Counterexample(fall, starts[0], torques[0], walk)
     return Falsification(pushes, "free", 5.0, 0, (search, search), (one, one), ())
 
@@ -34,7 +36,7 @@ def found():
 @pytest.fixture
 def files(found, tmp_path):
     return write_counterexamples(
-        tmp_path, "sparse-3", [found], PAPER_PARAMETERS, load_behaviour("compass-walking")
+        tmp_path, "sparse-3", [found], CompassWalker(), load_behaviour("compass-walking")
     )
 
 
@@ -63,14 +65,14 @@ def test_older_ones_of_the_lane_are_gone_and_no_others(files, found, tmp_path):
     neighbour = files[0].with_name("forward-sparse-3-1.json")
     neighbour.write_text("{}")
     fewer = Falsification(**vars(found) | {"counterexamples": found.counterexamples[:1]})
-    write_counterexamples(tmp_path, "sparse-3", [fewer], PAPER_PARAMETERS, load_behaviour("compass-walking"))
+    write_counterexamples(tmp_path, "sparse-3", [fewer], CompassWalker(), load_behaviour("compass-walking"))
     left = {path.name for path in files[0].parent.iterdir()}
     assert left == {"sparse-3-1.json", "forward-sparse-3-1.json"}
 
 
 def test_those_of_several_searches_are_counted_through(found, tmp_path):
     behaviour = load_behaviour("compass-walking")
-    paths = write_counterexamples(tmp_path, "x-1", [found, found], PAPER_PARAMETERS, behaviour)
+    paths = write_counterexamples(tmp_path, "x-1", [found, found], CompassWalker(), behaviour)
     assert [load_counterexample(path).title for path in paths] == [
         f"x-1, counterexample {number}" for number in (1, 2, 3, 4)
     ]
@@ -78,7 +80,7 @@ def test_those_of_several_searches_are_counted_through(found, tmp_path):
 
 def test_where_nothing_was_found_nothing_is_written(found, tmp_path):
     none = Falsification(**vars(found) | {"counterexamples": ()})
-    assert write_counterexamples(tmp_path, "x-1", [none], PAPER_PARAMETERS, load_behaviour("hop")) == ()
+    assert write_counterexamples(tmp_path, "x-1", [none], CompassWalker(), load_behaviour("hop")) == ()
     assert not list(tmp_path.iterdir())
 
 

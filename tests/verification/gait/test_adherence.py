@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from coachable.behaviours.library import load_behaviour
+from coachable.plants.compass import CompassWalker
 from coachable.plants.outcome import Outcome
 from coachable.verification.gait.adherence import adherence
 from coachable.verification.gait.followed_automaton import followed_svg
-from coachable.verification.gait.walk import Walk
+from coachable.verification.gait.walk import SampledWalk
 
 WALKING = load_behaviour("compass-walking")
 IN_PHASE = {
@@ -25,7 +26,7 @@ IN_PHASE = {
 def walk_through(*locations):
     x = np.array([IN_PHASE[location] for location in locations])
     nothing = np.zeros(0)
-    return Walk(
+    return SampledWalk(
         time=0.01 * np.arange(len(x)),
         x=x,
         control=np.zeros((len(x) - 1, 2)),
@@ -38,7 +39,7 @@ def walk_through(*locations):
 
 
 def test_a_walk_along_the_edges_follows():
-    seen = adherence(WALKING, walk_through(*["O1", "O2", "O3", "O4"] * 3, "O1"))
+    seen = adherence(WALKING, CompassWalker(), walk_through(*["O1", "O2", "O3", "O4"] * 3, "O1"))
     assert seen.follows
     assert seen.share_in_phases == 1
     assert list(seen.cycles.values()) == [3]
@@ -51,7 +52,7 @@ def test_a_walk_along_the_edges_follows():
 
 
 def test_what_strays_is_counted_and_explained():
-    seen = adherence(WALKING, walk_through("O1", "O3", "O3", None, "O1", "O3"))
+    seen = adherence(WALKING, CompassWalker(), walk_through("O1", "O3", "O3", None, "O1", "O3"))
     assert not seen.follows
     assert seen.share_in_phases == pytest.approx(5 / 6)
     strayed = [(one.source, one.target, one.count) for one in seen.transitions if not one.described]
@@ -65,11 +66,11 @@ def test_what_strays_is_counted_and_explained():
 def test_two_samples_at_one_moment_count_once():
     walk = walk_through("O1", "O2", "O3")
     walk.time[1] = 0.0
-    assert adherence(WALKING, walk).phases["O2"] == 0
+    assert adherence(WALKING, CompassWalker(), walk).phases["O2"] == 0
 
 
 def test_the_picture_dashes_what_is_not_described_and_counts_the_rest():
-    seen = adherence(WALKING, walk_through("O1", "O3", "O3", None, *["O1", "O2"] * 17))
+    seen = adherence(WALKING, CompassWalker(), walk_through("O1", "O3", "O3", None, *["O1", "O2"] * 17))
     drawn = ET.fromstring(followed_svg(WALKING, seen))
     kinds = [element.get("class") for element in drawn.iter("{http://www.w3.org/2000/svg}path")]
     described = len({(edge.source, edge.target) for edge in WALKING.edges})

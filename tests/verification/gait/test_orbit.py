@@ -5,18 +5,20 @@ import numpy as np
 import pytest
 
 from coachable.plants.compass import START
-from coachable.verification.gait.orbit import find_orbit, find_orbits, fixed_point, follow
+from coachable.verification.gait.closed_loop import stacked
+from coachable.verification.gait.orbit import find_orbits, fixed_point, follow
 from coachable.verification.gait.stability import stabilities
-from coachable.verification.gait.walk import settle, stacked
-
-from .conftest import FALLS, TWO_STEPS, loop_of
+from coachable.verification.gait.walk import settle
+from tests.verification.conftest import FALLS, TWO_STEPS, loop_of
 
 
 @pytest.fixture(scope="module")
 def slope_orbit(slope_walker):
     with jax.enable_x64(True):
-        orbit = find_orbit(slope_walker)
-        (found,) = stabilities(stacked([slope_walker]), [orbit])
+        loops = stacked([slope_walker])
+        walks = settle(loops, np.array([START]), "touchdown")
+        (orbit,) = find_orbits(loops, walks, "touchdown")
+        (found,) = stabilities(loops, [orbit])
         return orbit, found
 
 
@@ -67,7 +69,7 @@ def test_times_and_lengths_add_up_to_the_walk(settled):
 
 def test_newton_comes_back_from_nearby(x64, walker, settled):
     _, orbit = settled["touchdown"]
-    found = fixed_point(walker, orbit.points_array[0] + (1e-3, -2e-3, 5e-3))
+    found = fixed_point(walker, np.add(orbit.points[0], (1e-3, -2e-3, 5e-3)))
     assert found.found
     np.testing.assert_allclose(found.y, orbit.points[0], atol=1e-10)
     assert not fixed_point(walker, (0.3, 3.0, 0.0)).found

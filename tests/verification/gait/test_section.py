@@ -1,7 +1,5 @@
 """The return map is that of the plant's equations, and three ways of taking its derivative agree."""
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,10 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from coachable.plants.compass import CompassParameters, CompassWalker, VirtualGravity
+from coachable.verification.gait.closed_loop import stacked
 from coachable.verification.gait.orbit import follow
-from coachable.verification.gait.section import section_point, state_of
-from coachable.verification.gait.walk import stacked
-from coachable.verification.robustness.disturbance import OtherWalker, undisturbed
 
 SLOPE = -0.07
 
@@ -23,16 +19,22 @@ def random_states(count=50):
 
 
 def test_the_section_is_where_both_feet_are_on_the_ground(x64):
-    y = jnp.array([0.3, -1.1, -0.2])
-    np.testing.assert_array_equal(section_point(state_of(y)), y)
-    assert CompassWalker().guard(state_of(y)) == 0
+    plant, y = CompassWalker(), jnp.array([0.3, -1.1, -0.2])
+    x = plant.from_section(y)
+    np.testing.assert_array_equal(plant.to_section(x), y)
+    assert plant.guard(x) == 0
+    assert plant.on_section(x)
+    assert not plant.on_section(plant.from_section(-y))
+    assert not plant.on_section(x + jnp.array([1e-3, 0, 0, 0]))
 
 
 def test_virtual_gravity_is_passive_walking_down_a_slope_in_stronger_gravity(x64):
     flat = CompassWalker()
     controller = VirtualGravity(flat, slope=SLOPE)
     steeper = CompassWalker(CompassParameters(gravity=9.807 / np.cos(SLOPE)))
-    slope = OtherWalker(steeper, dataclasses.replace(undisturbed(), slope=jnp.asarray(SLOPE)))
+    changes = dict(steeper.disturbances().nominal) | {"slope": SLOPE}
+    slope = steeper.disturbed({name: jnp.asarray(value) for name, value in changes.items()})
+    (touchdown,) = slope.events
     x = random_states()
     upright = x + SLOPE * jnp.array([[1.0, 1.0, 0.0, 0.0]])
 
@@ -40,9 +42,9 @@ def test_virtual_gravity_is_passive_walking_down_a_slope_in_stronger_gravity(x64
         np.testing.assert_allclose(jax.vmap(of_flat)(x), jax.vmap(of_slope)(upright), rtol=1e-13, atol=atol)
 
     both(lambda x: flat.flow(x, controller(x)), lambda x: slope.flow(x, jnp.zeros(2)), 1e-12)
-    both(flat.guard, slope.guard, 1e-15)
-    both(flat.step_length, slope.step_length, 1e-15)
-    both(lambda x: flat.impact(x)[2:], lambda x: slope.impact(x)[2:], 1e-13)
+    both(flat.guard, touchdown.guard, 1e-15)
+    both(flat.step_length, touchdown.displacement, 1e-15)
+    both(lambda x: flat.impact(x)[2:], lambda x: touchdown.reset(x)[2:], 1e-13)
 
 
 def scipy_stride(loop, y):
@@ -67,7 +69,7 @@ def scipy_stride(loop, y):
         return float(look(state[:4])[0]) if state[1] > state[0] else 1.0
 
     comes_down.terminal, comes_down.direction = True, -1
-    x = np.asarray(state_of(jnp.asarray(y)))
+    x = np.asarray(plant.from_section(jnp.asarray(y)))
     jacobian = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, 0, 1]])
     for _ in range(200):
         _, held, feedback = map(np.asarray, look(x))

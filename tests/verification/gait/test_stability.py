@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from coachable.verification.gait.closed_loop import stacked
 from coachable.verification.gait.stability import multipliers_with_errors, stabilities
-from coachable.verification.gait.walk import stacked
 
 
 @pytest.fixture(scope="module")

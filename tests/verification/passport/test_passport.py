@@ -8,6 +8,7 @@ import pytest
 from rich.console import Console
 
 from coachable.foundation.errors import RunFolderError
+from coachable.plants.compass import CompassWalker
 from coachable.verification.gait.adherence import Adherence, Transition
 from coachable.verification.gait.orbit import Orbit
 from coachable.verification.gait.stability import Stability
@@ -91,7 +92,10 @@ def test_the_file_is_strict_json_and_tells_what_follows_from_its_numbers(tmp_pat
         (lambda data: data.pop("stability"), "lacks 'stability'"),
         (lambda data: data["walker"].update(name=3), "walker.name must be text"),
         (lambda data: data["orbits"]["free"].update(kind="odd"), "orbits.free.kind must be one of"),
-        (lambda data: data["orbits"]["touchdown"]["points"].append([1, 2]), "points[1] must be a list of 3"),
+        (
+            lambda data: data["orbits"]["touchdown"]["points"].append([1, "x"]),
+            "points[1][1] must be a number",
+        ),
         (lambda data: data["adherence"].update(up=1), "adherence.up must be true or false"),
         (lambda data: data["basins"][0]["reached"].update(count="many"), "count must be a whole number"),
         (lambda data: data.update(colour="red"), "unknown key 'colour'"),
@@ -120,8 +124,8 @@ def test_one_is_told_as_one_and_many_as_many(tmp_path):
     search = FallSearch("any start", 10.0, 100, 1, 2, -0.1, confirmed=1, unconfirmed=0)
     one = replace(WHOLE, falls=(search,))
     console = Console(file=io.StringIO(), width=100)
-    print_passport(one, console)
-    print_passport(replace(WHOLE, falls=(replace(search, confirmed=2),)), console)
+    print_passport(one, CompassWalker(), console)
+    print_passport(replace(WHOLE, falls=(replace(search, confirmed=2),)), CompassWalker(), console)
     printed = console.file.getvalue()
     assert "1 counterexample, walked" in printed
     assert "2 counterexamples, walked" in printed

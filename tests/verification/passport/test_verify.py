@@ -6,7 +6,7 @@ import pytest
 
 from coachable import cli
 from coachable.experiments.run_folder.reader import load_run
-from coachable.verification import verify as verify_module
+from coachable.verification.passport import verify as verify_module
 from coachable.verification.passport.closed_loop import lane_subject
 from coachable.verification.passport.passport import read_passport
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from coachable.plants.compass import START
+from coachable.verification.gait.closed_loop import stacked
 from coachable.verification.gait.orbit import find_orbits
 from coachable.verification.gait.stability import stabilities
-from coachable.verification.gait.walk import settle, stacked
+from coachable.verification.gait.walk import settle
 from coachable.verification.passport.why_no_certificate import obstacles
 from tests.verification.conftest import FALLS, TWO_STEPS, WALKS, loop_of, small_policy
 

@@ -5,18 +5,15 @@ import numpy as np
 import pytest
 
 from coachable.plants.compass import START, CompassWalker
-from coachable.verification.gait.section import Loop
+from coachable.verification.gait.closed_loop import ClosedLoop
 from coachable.verification.robustness.basin import (
-    AROUND_START,
-    ON_SECTION,
-    SET_NAMES,
     Proportion,
     basin,
     draw_starts,
     label_starts,
+    set_names,
 )
-
-from .conftest import WALKS
+from tests.verification.conftest import WALKS
 
 
 @pytest.mark.parametrize("total", [1, 10, 1000])
@@ -36,11 +33,12 @@ def test_an_interval_is_mirrored_with_its_share():
 
 
 def test_starts_are_in_their_boxes_and_always_the_same():
-    around, section = (draw_starts(name, 200) for name in SET_NAMES)
-    np.testing.assert_array_equal(around, draw_starts("start", 200))
-    assert (np.abs(around - START) <= AROUND_START).all()
+    plant = CompassWalker()
+    around, section = (draw_starts(plant, name, 200) for name in set_names(plant))
+    np.testing.assert_array_equal(around, draw_starts(plant, "start", 200))
+    assert (np.abs(around - START) <= plant.start_box).all()
     np.testing.assert_array_equal(section[:, 0], -section[:, 1])
-    low, high = np.array(ON_SECTION).T
+    low, high = np.array(plant.section_box).T
     assert ((section[:, [0, 2, 3]] >= low) & (section[:, [0, 2, 3]] <= high)).all()
 
 
@@ -49,7 +47,7 @@ def test_labels_say_what_became_of_a_start(settled):
     gait = walk.section[-64:]
     beta, stance, swing = gait[0]
     starts = np.array([(beta, -beta, stance, swing), START, (0.3, -0.3, 1.5, 0.0)])
-    loop, told = Loop(CompassWalker(), WALKS), []
+    loop, told = ClosedLoop(CompassWalker(), WALKS), []
     labels = label_starts(loop, "free", gait, starts, lambda: told.append(1))
     assert labels.tolist() == [0, 0, 1]
     elsewhere = label_starts(loop, "free", gait + 1.0, starts)

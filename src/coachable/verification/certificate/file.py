@@ -13,13 +13,13 @@ import numpy as np
 from coachable.foundation.errors import ParameterError, RunFolderError
 from coachable.foundation.files import hash_of, read_bytes, write_atomic
 from coachable.learning.policy import Policy
-from coachable.plants.compass import CompassParameters, VirtualGravity
+from coachable.plants.compass import CompassParameters, CompassWalker, VirtualGravity
 from coachable.verification.certificate.checker import CertificateError, Verdict, check
-from coachable.verification.gait.section import Loop
+from coachable.verification.gait.closed_loop import ClosedLoop
 
 FORMAT, FORMAT_VERSION = "coachable certificate", 1
 PARTS = ("about", "plant", "controller", "box", "strides", "method")
-"""What a certificate consists of; each has a hash. `about` says whose it is, and no proof depends on it."""
+"""What a certificate consists of; each has a hash. `about` names whose it is, and no proof depends on it."""
 
 
 def plant_data(parameters: CompassParameters) -> dict[str, str]:
@@ -29,7 +29,7 @@ def plant_data(parameters: CompassParameters) -> dict[str, str]:
     }
 
 
-def controller_data(loop: Loop) -> dict[str, Any]:
+def controller_data(loop: ClosedLoop) -> dict[str, Any]:
     """The controller's numbers: virtual gravity's slope as a decimal number, a network's weights exactly.
 
     Weights in float32 become the same numbers in float64.
@@ -37,6 +37,8 @@ def controller_data(loop: Loop) -> dict[str, Any]:
     **Raises:** `ParameterError` for a controller or a plant that certificates are not made for.
     """
     controller, hold = loop.controller, None if loop.hold == "continuous" else _decimal(loop.control_dt)
+    if not isinstance(loop.plant, CompassWalker):
+        raise ParameterError(f"a certificate is about the compass walker, not about {loop.plant.name}")
     if loop.plant.backward_passing_counts:
         raise ParameterError("a certificate is about the semantics `paper`; this walker has `released-code`")
     if isinstance(controller, VirtualGravity) and not controller.released:
@@ -96,7 +98,7 @@ def read_certificate(path: Path) -> dict[str, Any]:
 
 def recheck(
     path: str | Path,
-    loop: Loop | None = None,
+    loop: ClosedLoop | None = None,
     progress: Callable[[float], None] = lambda done: None,
 ) -> Verdict:
     """Prove the claim of a certificate file anew, by the checker alone, from the numbers in the file.

@@ -14,8 +14,8 @@ from jaxtyping import Float
 
 from coachable.verification.certificate.checker import Verdict, check
 from coachable.verification.certificate.file import controller_data, plant_data
+from coachable.verification.gait.closed_loop import ClosedLoop, in_double
 from coachable.verification.gait.orbit import Orbit, fixed_point
-from coachable.verification.gait.section import Loop, in_double
 
 ORDER = 8
 """Of the Taylor polynomials. At order 6 their remainders keep boxes below 1e-6 from being proven."""
@@ -71,7 +71,7 @@ class _TimeIsUp(Exception):
 
 
 def propose(
-    loop: Loop,
+    loop: ClosedLoop,
     orbit: Orbit,
     about: Mapping[str, Any],
     *,
@@ -81,12 +81,12 @@ def propose(
 ) -> Proposal:
     """Look for the largest box around a periodic orbit under the touchdown clock that the checker proves.
 
-    Its axes are the eigenvectors of DPᵏ. A first small one tells whether there is a kink at the orbit; the
+    Its axes are the eigenvectors of DPᵏ. A first small one shows whether there is a kink at the orbit; the
     others follow how images' reach grows with the radius.
 
     **Arguments:** `orbit`, a periodic one of this loop; `about`, what to write of whose certificate it is;
     `seconds`, after which no more is tried; `subdivisions` along each axis; `progress`, called with the
-    fraction of time gone.
+    fraction of the time used.
 
     **Raises:** `ParameterError` for a walker that certificates are not made for.
     """

@@ -20,18 +20,18 @@ from coachable.behaviours.text.printer import to_text
 from coachable.experiments.walks import WalkToShow
 from coachable.foundation.errors import CoachableError, RunFolderError
 from coachable.foundation.files import read_bytes, write_atomic
-from coachable.plants.compass import STATE_NAMES, CompassParameters
+from coachable.plants.named import name_of, parameters_from, plant_class
+from coachable.plants.plant import Plant
 from coachable.verification.falsification.falsify import Counterexample, Falsification
 
 FORMAT_VERSION = 1
-_COLUMNS = ("t", *STATE_NAMES, "u1", "u2", "foot_x", "phase")
 
 
 def write_counterexamples(
     folder: Path,
     lane: str,
     results: Sequence[Falsification],
-    parameters: CompassParameters,
+    plant: Plant,
     behaviour: Behaviour,
 ) -> tuple[Path, ...]:
     """Write a lane's counterexamples into the folder `counterexamples` of a run, in place of all older ones.
@@ -47,7 +47,7 @@ def write_counterexamples(
     if paths:
         place.mkdir(exist_ok=True)
     for number, (path, (one, result)) in enumerate(zip(paths, found, strict=True), start=1):
-        data = _data(lane, number, one, result, parameters, behaviour)
+        data = _data(lane, number, one, result, plant, behaviour)
         write_atomic(path, json.dumps(data, ensure_ascii=False, allow_nan=False) + "\n")
     for old in place.glob("*.json"):
         stem, _, number = old.stem.rpartition("-")
@@ -69,14 +69,16 @@ def load_counterexample(path: Path) -> WalkToShow:
                 f"{path} has format_version {version!r}; this coachable reads {FORMAT_VERSION}. "
                 "Use the version of coachable that wrote it"
             )
-        walk = {name: np.array(data["walk"][name], float) for name in _COLUMNS}
+        plant = plant_class(data.get("plant_class", "compass"))
+        columns = ("t", *plant.state_names, *plant.control_names, "foot_x", "phase")
+        walk = {name: np.array(data["walk"][name], float) for name in columns}
         if len({len(column) for column in walk.values()}) != 1 or not len(walk["t"]):
             raise RunFolderError(f"{path} is damaged: the columns of its walk are not of one length")
         return WalkToShow(
             title=f"{data['lane']}, counterexample {data['number']}",
             trajectory=walk | {"phase": walk["phase"].astype(int)},
             behaviour=parse(data["behaviour"]),
-            parameters=CompassParameters(**data["plant"]),
+            parameters=parameters_from(plant, data["plant"]),
         )
     except RunFolderError:
         raise
@@ -91,7 +93,7 @@ def _data(
     number: int,
     one: Counterexample,
     result: Falsification,
-    parameters: CompassParameters,
+    plant: Plant,
     behaviour: Behaviour,
 ) -> dict[str, Any]:
     return {
@@ -105,17 +107,18 @@ def _data(
         "disturbance": one.disturbance.tolist(),
         "clock": result.clock,
         "seconds": result.seconds,
-        "plant": asdict(parameters),
+        "plant_class": name_of(type(plant)),
+        "plant": asdict(plant.parameters),
         "falls_after": {"jax": one.fall.time, "scipy": one.walk.seconds},
         "behaviour": to_text(behaviour),
-        "walk": {name: column.tolist() for name, column in _walk(one, behaviour).items()},
+        "walk": {name: column.tolist() for name, column in _walk(one, plant, behaviour).items()},
     }
 
 
-def _walk(one: Counterexample, behaviour: Behaviour) -> Mapping[str, np.ndarray]:
+def _walk(one: Counterexample, plant: Plant, behaviour: Behaviour) -> Mapping[str, np.ndarray]:
     """The walk as SciPy has it, column by column, with the phase of each sample."""
-    states: dict[str, np.ndarray] = dict(zip(STATE_NAMES, one.walk.states.T, strict=True))
-    u1, u2 = one.walk.torques.T
+    states: dict[str, np.ndarray] = dict(zip(plant.state_names, one.walk.states.T, strict=True))
+    controls = dict(zip(plant.control_names, one.walk.controls.T, strict=True))
     tracker = Tracker.of(behaviour)
     phase = tracker.along(states, tracker.none_yet)
-    return {"t": one.walk.time, **states, "u1": u1, "u2": u2, "foot_x": one.walk.foot_x, "phase": phase}
+    return {"t": one.walk.time, **states, **controls, "foot_x": one.walk.foot_x, "phase": phase}

@@ -12,11 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from coachable.envs.walking_task import NO_BOX, Clock, WalkingTask, make_task
 from coachable.foundation.errors import MissingExtraError
-from coachable.plants.compass import CompassParameters
-from coachable.rewards.setup import PAPER_SETUPS
-from coachable.verification.falsification.fall_margin import Controller, endurance
+from coachable.plants.plant import Controller, Plant
+from coachable.plants.sampled import Clock
+from coachable.verification.falsification.fall_margin import endurance
 from coachable.verification.falsification.perturbation import Perturbation, Points
 
 Method = Literal["cma-es", "random"]
@@ -47,14 +46,14 @@ class Fall:
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
-    """What one search came to."""
+class SearchResult:
+    """The result of one search."""
 
     method: Method
     walks: int
     """How many walks it took: its budget."""
     least_margin: float
-    """See `margin.py`; not above 0 if and only if there was a fall."""
+    """See `fall_margin.py`; not above 0 if and only if there was a fall."""
     first_fall: int | None
     """Which of its walks was the first to fall, counted from 1, or None."""
     falls: tuple[Fall, ...]
@@ -65,8 +64,8 @@ def search(
     proposals: Proposals,
     walks: Walks,
     budget: int,
-    told: Callable[[int], None],
-) -> Search:
+    progress: Callable[[int], None],
+) -> SearchResult:
     """Walk what is proposed, generation by generation, until exactly the budget is spent."""
     taken, least, first_fall, falls = 0, np.inf, None, []
     margins: Float[np.ndarray, " walks"] | None = None
@@ -78,8 +77,8 @@ def search(
             first_fall = taken + int(np.argmax(fell)) + 1
         falls += [Fall(method, points[k], float(times[k])) for k in np.flatnonzero(fell)]
         taken += len(points)
-        told(taken)
-    return Search(method, taken, least, first_fall, tuple(falls))
+        progress(taken)
+    return SearchResult(method, taken, least, first_fall, tuple(falls))
 
 
 def cma_es(size: int, seed: int) -> Proposals:
@@ -118,20 +117,19 @@ def at_random(size: int, seed: int) -> Proposals:
 
 
 def walks_of(
+    plant: Plant,
     controller: Controller,
     perturbation: Perturbation,
-    parameters: CompassParameters,
     clock: Clock,
     seconds: float,
 ) -> Walks:
     """From points of the cube to (margins, times, whether fallen), a full generation at a time."""
-    setup = PAPER_SETUPS["sparse"]  # what is paid does not matter here
-    task = make_task(setup, clock=clock, parameters=parameters, seconds=seconds, box=NO_BOX)
 
     def walks(points: Points):
         whole = np.concatenate([points, np.repeat(points[:1], POPULATION - len(points), axis=0)])
+        starts, disturbances = map(jnp.asarray, perturbation.at(plant, whole))
         margins, times, fell = map(
-            np.asarray, _walk_all(task, controller, *map(jnp.asarray, perturbation.at(whole)))
+            np.asarray, _walk_all(plant, controller, starts, disturbances, clock, seconds)
         )
         count = len(points)
         return margins[:count], times[:count], fell[:count]
@@ -141,17 +139,21 @@ def walks_of(
 
 @eqx.filter_jit
 def _walk_all(
-    task: WalkingTask,
+    plant: Plant,
     controller: Controller,
-    starts: Float[Array, "walks 4"],
-    disturbances: Float[Array, "walks steps 2"],
+    starts: Float[Array, "walks state"],
+    disturbances: Float[Array, "walks steps control"],
+    clock: Clock,
+    seconds: float,
 ) -> tuple[Float[Array, " walks"], Float[Array, " walks"], Bool[Array, " walks"]]:
-    """Margins, times, whether fallen. Compiled once for all walkers of a kind."""
+    """Margins, times, whether fallen. Compiled once for all closed loops of a kind."""
 
     def walk(x0, push):
-        walked = endurance(task, controller, x0, push)
-        # The plant ignores a swing foot in the ground ahead until it has risen. Nobody can start like that.
-        impossible = task.plant.can_touch_down(x0) & (task.plant.guard(x0) < 0)
+        walked = endurance(plant, controller, x0, push, clock, seconds)
+        # An event whose guard has fallen below zero before is ignored until it has risen: no robot stands so.
+        impossible = jnp.zeros((), bool)
+        for event in plant.events:
+            impossible |= event.admissible(x0) & (event.guard(x0) < 0)
         return jnp.where(impossible, 1, walked.margin), walked.time, walked.fell & ~impossible
 
     return jax.vmap(walk)(starts, disturbances)

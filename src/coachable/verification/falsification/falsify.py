@@ -1,4 +1,4 @@
-"""Look for a fall: a start or a disturbance within stated bounds that makes a walker fall.
+"""Look for a fall: a start or a disturbance within stated bounds that makes a plant fall.
 
 A search that finds nothing proves nothing. One that finds a fall shows it only after SciPy has walked it once
 more, by `resimulation.py`, with nothing of what the search ran on.
@@ -13,13 +13,12 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from coachable.envs.walking_task import Clock
 from coachable.foundation.errors import ParameterError
-from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters
-from coachable.verification.falsification.fall_margin import Controller
+from coachable.plants.plant import Controller, Plant
+from coachable.plants.sampled import Clock
 from coachable.verification.falsification.fall_search import (
     Fall,
-    Search,
+    SearchResult,
     at_random,
     cma_es,
     require_cma,
@@ -38,9 +37,9 @@ class Counterexample:
     """A fall that SciPy has walked once more, with the same end."""
 
     fall: Fall
-    x0: Float[np.ndarray, "4"]
-    disturbance: Float[np.ndarray, "steps 2"]
-    """Torques added to the controller's in the first control steps [N m]."""
+    x0: Float[np.ndarray, " state"]
+    disturbance: Float[np.ndarray, "steps control"]
+    """Added to the controller's controls in the first control steps."""
     walk: Resimulation
     """As SciPy has it."""
 
@@ -59,7 +58,7 @@ class Falsification:
     seconds: float
     """How long each walk lasts, at most."""
     seed: int
-    searches: tuple[Search, Search]
+    searches: tuple[SearchResult, SearchResult]
     """CMA-ES with restarts, and random search."""
     counterexamples: tuple[Counterexample, ...]
     """Confirmed by SciPy, the smallest perturbations first."""
@@ -68,15 +67,15 @@ class Falsification:
 
     @property
     def falsified(self) -> bool:
-        """Whether the walker falls within the bounds."""
+        """Whether the plant falls within the bounds."""
         return bool(self.counterexamples)
 
 
 def falsify(
+    plant: Plant,
     controller: Controller,
     perturbation: Perturbation,
     *,
-    parameters: CompassParameters = PAPER_PARAMETERS,
     clock: Clock = "free",
     seconds: float = 10.0,
     budget: int = 2_000,
@@ -90,34 +89,41 @@ def falsify(
 
     **Arguments:**
 
-    - `controller`: a learned policy or one of the baselines.
-    - `perturbation`: what the walker may meet, and within which bounds. Starts with the swing foot in the
-      ground ahead of the stance foot are passed over: they count as walks, but never as falls.
-    - `parameters`, `clock`, `seconds`: of the walks.
+    - `plant`, `controller`: a learned policy or one of the plant's written controllers.
+    - `perturbation`: what the plant may meet, and within which bounds. Starts at which an event is admissible
+      and its guard below zero (a foot in the ground ahead) count as walks, but never as falls.
+    - `clock`, `seconds`: of the walks.
     - `budget`: how many walks each search may take.
     - `keep`: how many counterexamples are wanted; those nearest to the undisturbed walk are kept.
     - `seed`: the same one finds the same.
     - `progress`: called with (walks taken, walks in all) as the searches go on.
 
     **Raises:** `MissingExtraError` without the [verify] extra; `ParameterError` for a budget or a number of
-    counterexamples that is not positive, and for a controller that could not be confirmed to fall.
+    counterexamples that is not positive, for a perturbation that is not one of the plant's, and for a plant
+    or a controller of which no fall could be confirmed.
     """
     require_cma()
-    numpy_controller(controller)
+    restated, control_at = plant.restated(), numpy_controller(controller)
+    if restated is None:
+        raise ParameterError(
+            f"{plant.name} has no second statement for SciPy, so no fall of it could be confirmed; "
+            "give it `restated`"
+        )
+    size = perturbation.size(plant)
     if budget < 1 or keep < 1:
         raise ParameterError(f"budget and keep must be at least 1, but they are {budget} and {keep}")
     with jax.enable_x64(True):
-        walks = walks_of(controller, perturbation, parameters, clock, seconds)
-        told = (lambda done: None) if progress is None else lambda done: progress(done, 2 * budget)
-        directed = search("cma-es", cma_es(perturbation.size, seed), walks, budget, told)
+        walks = walks_of(plant, controller, perturbation, clock, seconds)
+        walked = (lambda done: None) if progress is None else lambda done: progress(done, 2 * budget)
+        directed = search("cma-es", cma_es(size, seed), walks, budget, walked)
         undirected = search(
-            "random", at_random(perturbation.size, seed), walks, budget, lambda done: told(budget + done)
+            "random", at_random(size, seed), walks, budget, lambda done: walked(budget + done)
         )
     found = sorted((*directed.falls, *undirected.falls), key=lambda fall: np.max(np.abs(fall.point)))
     counterexamples, unconfirmed = [], []
     for fall in found[: _TRIES * keep]:
-        starts, disturbances = perturbation.at(fall.point[None])
-        walk = resimulate(controller, starts[0], disturbances[0], parameters, clock, seconds)
+        starts, disturbances = perturbation.at(plant, fall.point[None])
+        walk = resimulate(restated, control_at, starts[0], disturbances[0], clock, seconds)
         if walk.fell:
             counterexamples.append(Counterexample(fall, starts[0], disturbances[0], walk))
         else:
@@ -136,10 +142,10 @@ def falsify(
 
 
 def search_for_falls(
+    plant: Plant,
     controller: Controller,
     section_point: Sequence[float] | None,
     *,
-    parameters: CompassParameters = PAPER_PARAMETERS,
     clock: Clock = "free",
     budget: int = 2_000,
     seed: int = 0,
@@ -147,47 +153,28 @@ def search_for_falls(
 ) -> tuple[Falsification, ...]:
     """`falsify` with each of `usual_perturbations`: what a passport holds.
 
-    **Arguments:** `section_point`, where the walker's gait is right after touchdown, (β, θ̇1, θ̇2), or `None`;
-    `budget`, of each search of each; `progress`, called with (walks taken, walks in all); the rest as in
-    `falsify`, and so is what is raised.
+    **Arguments:** `section_point`, where the gait is right after touchdown, or `None`; `budget`, of each
+    search of each; `progress`, called with (walks taken, walks in all); the rest as in `falsify`, and so is
+    what is raised.
     """
-    perturbations = usual_perturbations(section_point)
+    perturbations = usual_perturbations(plant, section_point)
     results, in_all = [], 2 * budget * len(perturbations)
     for perturbation in perturbations:
         before = 2 * budget * len(results)
 
-        def told(done: int, _: int, before: int = before) -> None:
+        def walked(done: int, _: int, before: int = before) -> None:
             if progress is not None:
                 progress(before + done, in_all)
 
         results.append(
             falsify(
+                plant,
                 controller,
                 perturbation,
-                parameters=parameters,
                 clock=clock,
                 budget=budget,
                 seed=seed,
-                progress=told,
+                progress=walked,
             )
         )
     return tuple(results)
-
-
-def summary_of(result: Falsification) -> str:
-    """A falsification for people, a few lines."""
-    lines = [f"Looked for a fall within {result.seconds:g} s: {result.perturbation.sentence}."]
-    for one in result.searches:
-        name = "CMA-ES with restarts" if one.method == "cma-es" else "random search"
-        first = "no fall" if one.first_fall is None else f"first fall in walk {one.first_fall:,}"
-        lines.append(f"  {name}, {one.walks:,} walks: {first}, least margin {one.least_margin:.3f}")
-    for number, one in enumerate(result.counterexamples, start=1):
-        lines.append(
-            f"  counterexample {number}, found by {one.fall.found_by}: {one.size:.0%} of the bounds, "
-            f"falls after {one.fall.time:.3f} s; SciPy: {one.walk.seconds:.3f} s"
-        )
-    if result.unconfirmed:
-        lines.append(f"  {len(result.unconfirmed)} not confirmed by SciPy, and not counted")
-    if not result.falsified:
-        lines.append("  No counterexample. That is no proof: what was not tried may fall.")
-    return "\n".join(lines)

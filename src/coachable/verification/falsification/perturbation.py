@@ -1,100 +1,108 @@
-"""What a walker may meet, a start in a box or disturbing torques, as a point of the cube [−1, 1]ⁿ."""
+"""What a plant may meet, a start in a box or added controls, as a point of the cube [−1, 1]ⁿ."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from coachable.foundation.errors import ParameterError
-from coachable.plants.compass import START
+from coachable.plants.plant import Plant
+from coachable.verification.gait.section import states_at
+from coachable.verification.labels import actuators, control_unit, listed, section_labels
 
 CONTROL_DT = 0.01
-"""How long a torque is held [s]."""
+"""How long a control is held [s]."""
 
 Points = Float[np.ndarray, "walks size"]
-Starts = Float[np.ndarray, "walks 4"]
-Torques = Float[np.ndarray, "walks steps 2"]
+Starts = Float[np.ndarray, "walks state"]
+Controls = Float[np.ndarray, "walks steps control"]
 
 
 @dataclass(frozen=True)
 class StartBox:
-    """Any start x0 with |x0 − centre| ≤ half_widths in each of (θ1, θ2, θ̇1, θ̇2) [rad, rad/s].
+    """Any start x0 with |x0 − centre| ≤ half_widths in each coordinate.
 
     **Raises:** `ParameterError` for numbers that are not finite, for a negative half-width, and where all are
     zero.
     """
 
-    half_widths: tuple[float, float, float, float]
-    centre: tuple[float, float, float, float] = START
+    half_widths: tuple[float, ...]
+    centre: tuple[float, ...]
 
     def __post_init__(self):
         _check_box(self.centre, self.half_widths)
 
-    @property
-    def size(self) -> int:
-        """n."""
-        return 4
+    def size(self, plant: Plant) -> int:
+        """n, after a check that the box is one of the plant's states.
 
-    @property
-    def sentence(self) -> str:
-        """What it is, in words."""
+        **Raises:** `ParameterError` for a box of another dimension.
+        """
+        return _checked_size(self.centre, len(plant.state_names), "state", plant)
+
+    def sentence(self, plant: Plant) -> str:
+        """The perturbation in words."""
         return f"starts x0 = {_numbers(self.centre)} ± {_numbers(self.half_widths)}"
 
-    def at(self, points: Points) -> tuple[Starts, Torques]:
-        """The starts and the disturbances at points of the cube; here nothing disturbs."""
-        return np.array(self.centre) + points * np.array(self.half_widths), _undisturbed(points)
+    def at(self, plant: Plant, points: Points) -> tuple[Starts, Controls]:
+        """The starts at points of the cube, and no disturbance."""
+        return np.array(self.centre) + points * np.array(self.half_widths), _undisturbed(plant, points)
 
 
 @dataclass(frozen=True)
 class SectionBox:
-    """Any state right after a touchdown with |y − centre| ≤ half_widths in each of y = (β, θ̇1, θ̇2).
+    """Any state right after a touchdown with |y − centre| ≤ half_widths in each coordinate of the section.
 
-    β = θ1 = −θ2 is half the angle between the legs [rad]; both feet are on the ground.
-
-    **Raises:** `ParameterError` as `StartBox` does, and if β may become negative: the new stance foot would
-    then be behind the other one.
+    **Raises:** `ParameterError` as `StartBox` does.
     """
 
-    half_widths: tuple[float, float, float]
-    centre: tuple[float, float, float]
+    half_widths: tuple[float, ...]
+    centre: tuple[float, ...]
 
     def __post_init__(self):
         _check_box(self.centre, self.half_widths)
-        if self.centre[0] <= self.half_widths[0]:
+
+    def size(self, plant: Plant) -> int:
+        """n, after a check that all of the box is on the plant's section.
+
+        **Raises:** `ParameterError` for a box of another dimension, and for one with a corner at which no
+        touchdown ends.
+        """
+        size = _checked_size(self.centre, len(plant.section_names), "section", plant)
+        corners = np.array(list(itertools.product((-1.0, 1.0), repeat=size)))
+        states = states_at(plant, np.array(self.centre) + corners * np.array(self.half_widths))
+        if not all(bool(plant.on_section(jnp.asarray(state))) for state in states):
             raise ParameterError(
-                f"a box on the section needs β > 0 everywhere, but it is {self.centre[0]} ± "
-                f"{self.half_widths[0]}"
+                f"a box on the section must be on it everywhere, but no touchdown of {plant.name} ends at "
+                f"every corner of {section_labels(plant)} = {_numbers(self.centre)} ± "
+                f"{_numbers(self.half_widths)}"
             )
+        return size
 
-    @property
-    def size(self) -> int:
-        """n."""
-        return 3
-
-    @property
-    def sentence(self) -> str:
-        """What it is, in words."""
+    def sentence(self, plant: Plant) -> str:
+        """The perturbation in words."""
         return (
-            f"starts right after touchdown, (β, θ̇1, θ̇2) = {_numbers(self.centre)} "
+            f"starts right after touchdown, {section_labels(plant)} = {_numbers(self.centre)} "
             f"± {_numbers(self.half_widths)}"
         )
 
-    def at(self, points: Points) -> tuple[Starts, Torques]:
-        """The starts and the disturbances at points of the cube; here nothing disturbs."""
-        beta, dtheta_1, dtheta_2 = (np.array(self.centre) + points * np.array(self.half_widths)).T
-        return np.stack([beta, -beta, dtheta_1, dtheta_2], axis=-1), _undisturbed(points)
+    def at(self, plant: Plant, points: Points) -> tuple[Starts, Controls]:
+        """The starts at points of the cube, and no disturbance."""
+        y = np.array(self.centre) + points * np.array(self.half_widths)
+        return states_at(plant, y), _undisturbed(plant, points)
 
 
 @dataclass(frozen=True)
 class HeldTorques:
-    """Torques of at most `bound` [N m], added to the ankle's and the hip's in the walk's first `seconds`.
+    """Torques of at most `bound`, added to each of the controller's in the walk's first `seconds`.
 
     Each is held for `hold` control steps, which touchdowns cut short where they restart the clock. The sum is
-    not clipped to the box of the controller's torques.
+    not clipped to the box of the controller's torques. The bound is in the controls' unit.
 
     **Raises:** `ParameterError` for a bound that is not positive, and for times that hold no torque.
     """
@@ -102,13 +110,12 @@ class HeldTorques:
     bound: float
     seconds: float = 2.0
     hold: int = 5
-    x0: tuple[float, float, float, float] = START
+    x0: tuple[float, ...] | None = None
+    """Where it starts; `None` for the plant's start."""
 
     def __post_init__(self):
         if not 0 < self.bound < math.inf:
-            raise ParameterError(
-                f"the bound of a torque must be a positive number of N m, but it is {self.bound!r}"
-            )
+            raise ParameterError(f"the bound of a torque must be a positive number, but it is {self.bound!r}")
         if self.hold < 1 or not self.hold * CONTROL_DT <= self.seconds < math.inf:
             raise ParameterError(
                 f"torques held for {self.hold} control steps do not fit into {self.seconds} s; hold each for "
@@ -117,46 +124,56 @@ class HeldTorques:
 
     @property
     def count(self) -> int:
-        """How many torques each joint gets."""
+        """How many torques each actuator gets."""
         return int(self.seconds / CONTROL_DT + 0.5) // self.hold
 
-    @property
-    def size(self) -> int:
+    def size(self, plant: Plant) -> int:
         """n."""
-        return 2 * self.count
+        return len(plant.control_names) * self.count
 
-    @property
-    def sentence(self) -> str:
-        """What it is, in words."""
+    def sentence(self, plant: Plant) -> str:
+        """The perturbation in words."""
+        bound = f"{self.bound:g} {control_unit(plant)}".rstrip()
         return (
-            f"torques of at most {self.bound:g} N m added at ankle and hip in the first {self.seconds:g} s, "
-            f"each held for {self.hold * CONTROL_DT:g} s"
+            f"torques of at most {bound} added at {listed(actuators(plant))} in the first "
+            f"{self.seconds:g} s, each held for {self.hold * CONTROL_DT:g} s"
         )
 
-    def at(self, points: Points) -> tuple[Starts, Torques]:
+    def at(self, plant: Plant, points: Points) -> tuple[Starts, Controls]:
         """The starts, all the same one, and the disturbances at points of the cube."""
-        torques = self.bound * points.reshape(-1, self.count, 2)
-        return np.tile(np.array(self.x0), (len(points), 1)), np.repeat(torques, self.hold, axis=1)
+        torques = self.bound * points.reshape(-1, self.count, len(plant.control_names))
+        start = np.array(plant.start if self.x0 is None else self.x0)
+        return np.tile(start, (len(points), 1)), np.repeat(torques, self.hold, axis=1)
 
 
 Perturbation = StartBox | SectionBox | HeldTorques
 
 
-def usual_perturbations(section_point: Sequence[float] | None) -> tuple[Perturbation, ...]:
-    """What a walker is tried with in a passport.
+def usual_perturbations(plant: Plant, section_point: Sequence[float] | None) -> tuple[Perturbation, ...]:
+    """The perturbations with which a passport searches for falls.
 
-    **Arguments:** `section_point`, where its gait is right after touchdown, (β, θ̇1, θ̇2) [rad, rad/s], or
-    `None` if it has none; then no box of the section is searched.
+    **Arguments:** `section_point`, where the gait is right after touchdown, or `None` if there is none; then
+    no box of the section is searched.
     """
-    around_start, torques = StartBox((0.03, 0.03, 0.04, 0.2)), HeldTorques(0.2)
-    if section_point is None:
-        return around_start, torques
-    beta, dtheta_1, dtheta_2 = map(float, section_point)
-    return around_start, SectionBox((0.02, 0.1, 0.1), (beta, dtheta_1, dtheta_2)), torques
+    known = plant.disturbances()
+    found: list[Perturbation] = []
+    if plant.start_box:
+        found.append(StartBox(plant.start_box, plant.start))
+    if section_point is not None and known.section_half_widths:
+        found.append(SectionBox(known.section_half_widths, tuple(map(float, section_point))))
+    return (*found, HeldTorques(known.control_bound, x0=plant.start))
 
 
-def _undisturbed(points: Points) -> Torques:
-    return np.zeros((len(points), 1, 2))
+def _undisturbed(plant: Plant, points: Points) -> Controls:
+    return np.zeros((len(points), 1, len(plant.control_names)))
+
+
+def _checked_size(centre: Sequence[float], expected: int, what: str, plant: Plant) -> int:
+    if len(centre) != expected:
+        raise ParameterError(
+            f"the {what} of {plant.name} has {expected} coordinates, but the box has {len(centre)}"
+        )
+    return expected
 
 
 def _check_box(centre: Sequence[float], half_widths: Sequence[float]) -> None:

@@ -1,14 +1,16 @@
-"""Does the walker do what was described? Its phases, edges and cycles, and what it does beside them."""
+"""Does the plant do what was described? Its phases, edges and cycles, and what it does beside them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from coachable.automata.monitor import Monitor
 from coachable.behaviours.behaviour import Behaviour
-from coachable.plants.compass import STATE_NAMES
-from coachable.verification.gait.walk import Walk
+from coachable.plants.plant import Plant
+from coachable.verification.gait.walk import SampledWalk
 
 
 @dataclass(frozen=True)
@@ -30,13 +32,13 @@ class Adherence:
     seconds: float
     """How long the walk was [s]."""
     up: bool
-    """Whether the walker was still up at its end."""
+    """Whether the plant was still up at its end."""
     share_in_phases: float
     """Share of the samples that were in a phase."""
     phases: Mapping[str, float]
     """Share of the samples in each phase."""
     transitions: tuple[Transition, ...]
-    """The behaviour's edges first, taken or not, then whatever else was done, most frequent first."""
+    """The behaviour's edges first, taken or not, then all others, most frequent first."""
     cycles: Mapping[str, int]
     """How often each of the behaviour's cycles was completed."""
     violations: Mapping[str, int]
@@ -50,10 +52,13 @@ class Adherence:
         return not self.violations
 
 
-def adherence(behaviour: Behaviour, walk: Walk) -> Adherence:
-    """Watch a walk as `coachable explain` watches a recorded trace."""
+def adherence(behaviour: Behaviour, plant: Plant, walk: SampledWalk) -> Adherence:
+    """Monitor a walk as `coachable explain` monitors a recorded trace.
+
+    **Raises:** `ParameterError` for a behaviour with a signal that the plant does not have.
+    """
     new = np.concatenate([[True], np.diff(walk.time) > 0])  # a touchdown may fall on a sample
-    columns: dict[str, np.ndarray] = dict(zip(STATE_NAMES, walk.x[new].T, strict=True))
+    columns = _signals(behaviour, plant, walk.x[new])
     monitor = Monitor(behaviour)
     locations, violations = monitor.feed_rows(walk.time[new], columns)
     report = monitor.report()
@@ -74,6 +79,17 @@ def adherence(behaviour: Behaviour, walk: Walk) -> Adherence:
     )
 
 
+def _signals(behaviour: Behaviour, plant: Plant, x: np.ndarray) -> dict[str, np.ndarray]:
+    """The coordinates of the state, and whatever else the behaviour's phases are written in."""
+    columns: dict[str, np.ndarray] = dict(zip(plant.state_names, x.T, strict=True))
+    others = tuple(name for name in behaviour.signal_names if name not in columns)
+    if others:
+        with jax.enable_x64(True):
+            values = jax.vmap(lambda x: plant.signals(x, others))(jnp.asarray(x))
+        columns |= dict(zip(others, np.asarray(values).T, strict=True))
+    return columns
+
+
 def _transitions(behaviour: Behaviour, locations: np.ndarray) -> tuple[Transition, ...]:
     names = (*behaviour.phase_names, None)
     edges = list(dict.fromkeys((edge.source, edge.target) for edge in behaviour.edges))
@@ -81,12 +97,12 @@ def _transitions(behaviour: Behaviour, locations: np.ndarray) -> tuple[Transitio
     pairs, counts = np.unique(
         np.stack([locations[:-1][moved], locations[1:][moved]], axis=-1), axis=0, return_counts=True
     )
-    gone = {
+    counted = {
         (names[one], names[other]): int(count)
         for (one, other), count in zip(pairs.tolist(), counts, strict=True)
     }
-    others = sorted(gone.keys() - set(edges), key=lambda pair: (-gone[pair], str(pair)))
+    others = sorted(counted.keys() - set(edges), key=lambda pair: (-counted[pair], str(pair)))
     return (
-        *(Transition(*pair, count=gone.get(pair, 0), described=True) for pair in edges),
-        *(Transition(*pair, count=gone[pair], described=False) for pair in others),
+        *(Transition(*pair, count=counted.get(pair, 0), described=True) for pair in edges),
+        *(Transition(*pair, count=counted[pair], described=False) for pair in others),
     )

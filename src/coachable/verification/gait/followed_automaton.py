@@ -1,4 +1,4 @@
-"""The automaton that a walker really follows, drawn beside the one that was described."""
+"""The automaton that a plant really follows, drawn beside the one that was described."""
 
 from collections.abc import Iterator, Sequence
 
@@ -41,9 +41,9 @@ def followed_svg(behaviour: Behaviour, seen: Adherence) -> str:
     shift = one.x + one.width / 2 + _APART + other.width / 2 - other.x
     moved = Box(other.x + shift, other.y, other.width, other.height)
     both = surrounding([one, moved], 0.0)
-    told = [Line.plain("note", line) for line in balanced(_LEGEND, 110)]
+    notes = [Line.plain("note", line) for line in balanced(_LEGEND, 110)]
     left_edge, bottom = both.x - both.width / 2, both.y + both.height / 2 + 18
-    width, height = size_of(told)
+    width, height = size_of(notes)
     legend = Box(left_edge + width / 2, bottom + height / 2, width, height)
     return document(
         f"{behaviour.name}: described and followed",
@@ -53,7 +53,7 @@ def followed_svg(behaviour: Behaviour, seen: Adherence) -> str:
             f'<g transform="translate({shift:.1f} 0)">',
             *right,
             "</g>",
-            lettering(told, left_edge, bottom, {}),
+            lettering(notes, left_edge, bottom, {}),
         ],
         _STYLE,
     )

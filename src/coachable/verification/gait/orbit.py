@@ -1,4 +1,4 @@
-"""The periodic orbit that a walker settles to: run to the attractor, then Newton on the return map."""
+"""The periodic orbit that a closed loop settles to: run to the attractor, then Newton on the return map."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,20 +10,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from coachable.envs.walking_task import Clock
-from coachable.plants.compass import START
-from coachable.verification.gait.section import Loop, Stride, linearised
-from coachable.verification.gait.walk import Walk, settle, stacked
+from coachable.plants.sampled import Clock
+from coachable.verification.gait.closed_loop import ClosedLoop, has_power, stacked
+from coachable.verification.gait.section import Stride, linearised
+from coachable.verification.gait.walk import SampledWalk
 
 PERIODS = (1, 2, 4)
 """How many steps a gait may take until it repeats itself, to be found as a periodic orbit."""
 
 RESIDUAL = 1e-11
-"""Largest |Pᵏ(y) − y| of a fixed point, in rad and rad/s."""
+"""Largest |Pᵏ(y) − y| of a fixed point, in the units of the section."""
 
 _NEWTON_STEPS = 12
 _LAST = 32
-"""How many of the last touchdowns tell what a gait has settled to."""
+"""From so many of the last touchdowns it is decided what a gait has settled to."""
 _SETTLED = 1e-9
 _NEARER = 0.9
 """A walk is still settling to an orbit if it came so much nearer over those touchdowns."""
@@ -37,10 +37,10 @@ Kind = Literal["periodic", "wandering", "none"]
 class FixedPoint:
     """A zero of Pᵏ(y) − y, or where Newton's method gave up."""
 
-    y: Float[np.ndarray, "3"]
+    y: Float[np.ndarray, " section"]
     residual: float
-    """Largest component of |Pᵏ(y) − y|; NaN where the walker falls."""
-    jacobian: Float[np.ndarray, "3 3"]
+    """Largest component of |Pᵏ(y) − y|; NaN where the plant falls."""
+    jacobian: Float[np.ndarray, "section section"]
     """DPᵏ(y)."""
     strides: tuple[Stride, ...]
     """The k steps that start at y."""
@@ -51,20 +51,21 @@ class FixedPoint:
         return self.residual <= RESIDUAL
 
 
-def fixed_point(loop: Loop, guess: Sequence[float] | np.ndarray, num_steps: int = 1) -> FixedPoint:
+def fixed_point(loop: ClosedLoop, guess: Sequence[float] | np.ndarray, num_steps: int = 1) -> FixedPoint:
     """Newton's method for Pᵏ(y) = y under the touchdown clock, with the derivative of `linearised`.
 
-    Arguments: guess, near the fixed point (β, θ̇1, θ̇2) [rad, rad/s]; num_steps, k. To be called under
-    `jax.enable_x64(True)`; nothing is raised, `found` says whether it converged.
+    Arguments: guess, a point of the section near the fixed point; num_steps, k. To be called under
+    `jax.enable_x64(True)`; nothing is raised, `found` is whether it converged.
     """
     return fixed_points(stacked([loop]), np.array([guess]), np.array([num_steps]))[0]
 
 
 def fixed_points(
-    loops: Loop, guesses: Float[np.ndarray, "walkers 3"], num_steps: Int[np.ndarray, " walkers"]
+    loops: ClosedLoop, guesses: Float[np.ndarray, "walkers section"], num_steps: Int[np.ndarray, " walkers"]
 ) -> list[FixedPoint]:
     """`fixed_point` of stacked loops, side by side, each with its guess and its k."""
     at = np.array(guesses, np.float64)
+    unit = np.eye(at.shape[1])
     for taken in range(_NEWTON_STEPS + 1):
         after, jacobians, steps = follow(loops, at, num_steps)
         residuals = np.max(np.abs(after - at), axis=1)
@@ -72,7 +73,7 @@ def fixed_points(
         if taken == _NEWTON_STEPS or not improvable.any():
             break
         for lane in np.flatnonzero(improvable):
-            at[lane] += np.linalg.lstsq(np.eye(3) - jacobians[lane], after[lane] - at[lane], rcond=None)[0]
+            at[lane] += np.linalg.lstsq(unit - jacobians[lane], after[lane] - at[lane], rcond=None)[0]
     return [
         FixedPoint(y, float(residual), jacobian, tuple(mine))
         for y, residual, jacobian, mine in zip(at, residuals, jacobians, steps, strict=True)
@@ -80,14 +81,16 @@ def fixed_points(
 
 
 def follow(
-    loops: Loop,
-    points: Float[np.ndarray, "walkers 3"],
+    loops: ClosedLoop,
+    points: Float[np.ndarray, "walkers section"],
     num_steps: Int[np.ndarray, " walkers"],
     refinement: int = 1,
-) -> tuple[Float[np.ndarray, "walkers 3"], Float[np.ndarray, "walkers 3 3"], list[list[Stride]]]:
+) -> tuple[
+    Float[np.ndarray, "walkers section"], Float[np.ndarray, "walkers section section"], list[list[Stride]]
+]:
     """Pᵏ and DPᵏ at each walker's point of the section, and the strides on the way; NaN after a fall."""
     y = np.array(points, np.float64)
-    jacobians = np.tile(np.eye(3), (len(y), 1, 1))
+    jacobians = np.tile(np.eye(y.shape[1]), (len(y), 1, 1))
     steps: list[list[Stride]] = [[] for _ in y]
     for step in range(int(np.max(num_steps, initial=0))):
         taken, derivatives = jax.device_get(_strides(loops, jnp.asarray(y), jnp.asarray(refinement)))
@@ -101,8 +104,8 @@ def follow(
 
 @eqx.filter_jit
 def _strides(
-    loops: Loop, points: Float[Array, "walkers 3"], refinement: Int[Array, ""]
-) -> tuple[Stride, Float[Array, "walkers 3 3"]]:
+    loops: ClosedLoop, points: Float[Array, "walkers section"], refinement: Int[Array, ""]
+) -> tuple[Stride, Float[Array, "walkers section section"]]:
     # The one program behind orbits and multipliers: what is built on it is done in NumPy, since nested loops
     # of derivatives take XLA a minute to compile.
     return eqx.filter_vmap(lambda loop, y: linearised(loop, y, refinement))(loops, points)
@@ -110,7 +113,7 @@ def _strides(
 
 @dataclass(frozen=True)
 class Orbit:
-    """The gait that a walker settles to under one clock.
+    """The gait that a closed loop settles to under one clock.
 
     `periodic` repeats itself every `num_steps` steps: under the touchdown clock to rounding, under the free
     clock up to `wander`, for there the gait depends on where in a sample the touchdown falls. `wandering`
@@ -122,16 +125,16 @@ class Orbit:
     kind: Kind
     num_steps: int
     """k of a periodic gait, else 0."""
-    points: tuple[tuple[float, float, float], ...]
+    points: tuple[tuple[float, ...], ...]
     """The k points on the section of a periodic gait (means under the free clock), else the last one seen."""
-    wander: tuple[float, float, float]
+    wander: tuple[float, ...]
     """Largest distance in β [rad], θ̇1, θ̇2 [rad/s] of a section point from its mean over the last steps."""
     period: float
     """From touchdown to touchdown, mean over the steps of the orbit, or the last ones [s]."""
     step_length: float
     """Likewise [m]."""
     cost_of_transport: float
-    """∫ (|u₁ θ̇₁| + |u₂ (θ̇₁ − θ̇₂)|) dt / (M g d), d the distance walked meanwhile."""
+    """∫ Σ |τ ω| dt / (weight · d), d the distance walked meanwhile; NaN where the plant has no power."""
     residual: float
     """|Pᵏ(y) − y| of a periodic orbit under the touchdown clock, else NaN."""
 
@@ -140,22 +143,8 @@ class Orbit:
         """step_length / period [m/s]."""
         return self.step_length / self.period
 
-    @property
-    def points_array(self) -> Float[np.ndarray, "steps 3"]:
-        """The points as an array."""
-        return np.array(self.points).reshape(-1, 3)
 
-
-def find_orbit(loop: Loop, clock: Clock = "touchdown", x0: Sequence[float] = START) -> Orbit:
-    """The gait that one walker settles to from x0. To be called under `jax.enable_x64(True)`.
-
-    `find_orbits` does many at once.
-    """
-    alone = stacked([loop])
-    return find_orbits(alone, settle(alone, np.array([x0]), clock), clock)[0]
-
-
-def find_orbits(loops: Loop, walks: Sequence[Walk], clock: Clock) -> list[Orbit]:
+def find_orbits(loops: ClosedLoop, walks: Sequence[SampledWalk], clock: Clock) -> list[Orbit]:
     """The gaits of stacked loops that settled so.
 
     Under the touchdown clock Newton's method starts where each walk ended, for every k of `PERIODS`. The
@@ -165,7 +154,7 @@ def find_orbits(loops: Loop, walks: Sequence[Walk], clock: Clock) -> list[Orbit]
     lasts = [walk.section[-_LAST:] for walk in walks]
     if clock == "free":
         return [_free_orbit(loops, walk, last) for walk, last in zip(walks, lasts, strict=True)]
-    guesses = np.stack([last[-1] if len(last) else np.full(3, np.nan) for last in lasts])
+    guesses = np.stack([last[-1] if len(last) else np.full(last.shape[1], np.nan) for last in lasts])
     some_walk = any(walk.up for walk in walks)  # else nothing needs to be compiled
     found = {k: fixed_points(loops, guesses, np.full(len(walks), k)) for k in PERIODS if some_walk}
     orbits = []
@@ -183,7 +172,7 @@ def find_orbits(loops: Loop, walks: Sequence[Walk], clock: Clock) -> list[Orbit]
                 kind="periodic",
                 num_steps=k,
                 points=_points(np.stack([mine.y, *(step.y for step in mine.strides[:-1])])),
-                wander=(0.0, 0.0, 0.0),
+                wander=(0.0,) * mine.y.size,
                 period=float(np.mean([step.time for step in mine.strides])),
                 step_length=length / k,
                 cost_of_transport=_cost_of_transport(
@@ -195,7 +184,7 @@ def find_orbits(loops: Loop, walks: Sequence[Walk], clock: Clock) -> list[Orbit]
     return orbits
 
 
-def _period(walk: Walk, last: np.ndarray, candidates: dict[int, FixedPoint]) -> int | None:
+def _period(walk: SampledWalk, last: np.ndarray, candidates: dict[int, FixedPoint]) -> int | None:
     """The shortest period that the walk has settled to, or is settling to."""
     if not walk.up or len(last) < _LAST:
         return None
@@ -210,12 +199,12 @@ def _period(walk: Walk, last: np.ndarray, candidates: dict[int, FixedPoint]) -> 
     return None
 
 
-def _free_orbit(loops: Loop, walk: Walk, last: np.ndarray) -> Orbit:
+def _free_orbit(loops: ClosedLoop, walk: SampledWalk, last: np.ndarray) -> Orbit:
     """What a gait under the free clock repeats, up to how far it wanders."""
     if not walk.up or len(last) < _LAST:
         return _unsettled(loops, walk, last, "free")
     for k in PERIODS:
-        classes = last.reshape(-1, k, 3)
+        classes = last.reshape(-1, k, last.shape[1])
         mean = classes.mean(axis=0)
         wander = np.abs(classes - mean).max(axis=(0, 1))
         if wander.max() <= _REPEATS:
@@ -223,17 +212,23 @@ def _free_orbit(loops: Loop, walk: Walk, last: np.ndarray) -> Orbit:
     return _unsettled(loops, walk, last, "free")
 
 
-def _unsettled(loops: Loop, walk: Walk, last: np.ndarray, clock: Clock) -> Orbit:
+def _unsettled(loops: ClosedLoop, walk: SampledWalk, last: np.ndarray, clock: Clock) -> Orbit:
     """A gait that repeats nothing, or none at all."""
     if walk.up and len(last) == _LAST:
         wander = np.abs(last - last.mean(axis=0)).max(axis=0)
         return _measured(loops, walk, clock, "wandering", 0, last[-1:], wander)
     nothing = float("nan")
-    return Orbit(clock, "none", 0, (), (nothing, nothing, nothing), nothing, nothing, nothing, nothing)
+    return Orbit(clock, "none", 0, (), (nothing,) * last.shape[1], nothing, nothing, nothing, nothing)
 
 
 def _measured(
-    loops: Loop, walk: Walk, clock: Clock, kind: Kind, k: int, points: np.ndarray, wander: np.ndarray
+    loops: ClosedLoop,
+    walk: SampledWalk,
+    clock: Clock,
+    kind: Kind,
+    k: int,
+    points: np.ndarray,
+    wander: np.ndarray,
 ) -> Orbit:
     """Means over the last steps of a walk."""
     steps = _LAST - 1
@@ -252,10 +247,11 @@ def _measured(
     )
 
 
-def _cost_of_transport(loops: Loop, work: float, length: float) -> float:
-    p = loops.plant.parameters
-    return work / ((p.hip_mass + 2 * p.leg_mass) * p.gravity * length) if length else float("nan")
+def _cost_of_transport(loops: ClosedLoop, work: float, length: float) -> float:
+    if not (length and has_power(loops.plant)):
+        return float("nan")
+    return work / (loops.plant.weight * length)
 
 
-def _points(points: np.ndarray) -> tuple[tuple[float, float, float], ...]:
-    return tuple((float(beta), float(one), float(two)) for beta, one, two in points)
+def _points(points: np.ndarray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(map(float, point)) for point in points)

@@ -11,20 +11,21 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from coachable.learning.policy import Policy
+from coachable.verification.gait.closed_loop import ClosedLoop
 from coachable.verification.gait.orbit import Orbit, follow
-from coachable.verification.gait.section import Loop
-from coachable.verification.gait.walk import Walk, settle
+from coachable.verification.gait.section import states_at
+from coachable.verification.gait.walk import SampledWalk, settle
 
-Verdict = Literal["stable", "unstable", "undecided"]
+StabilityVerdict = Literal["stable", "unstable", "undecided"]
 
 EXACTLY = 1e-6
-"""An orbit touches a kink exactly if it comes so near: in N m of a torque's bound, in s of a sample."""
+"""An orbit touches a kink exactly if it comes so near: in units of a control's bound, in s of a sample."""
 
 _DIFFERENCE = 1e-6
-"""Step of the central differences [rad, rad/s]."""
+"""Step of the central differences, in the units of the section."""
 _ROUNDING = 1e-12
 
-_Kinks = tuple[int, tuple[int, int], float | None, float | None]
+_Kinks = tuple[int, tuple[int, ...], float | None, float | None]
 """`num_samples`, `num_clipped`, `clip_margin` and `sample_margin` of a `Stability`."""
 
 
@@ -43,10 +44,10 @@ class Stability:
     """Largest difference of an entry of DPᵏ from central differences of width 1e-6."""
     num_samples: int
     """Samples in one period."""
-    num_clipped: tuple[int, int]
-    """How many of them ask for more (ankle, hip) torque than the bounds allow."""
+    num_clipped: tuple[int, ...]
+    """In how many of them each control wanted is beyond its bounds."""
     clip_margin: float | None
-    """The nearest that a wanted torque comes to one of its bounds [N m]; `None` if nothing is clipped."""
+    """The nearest that a control wanted comes to one of its bounds; `None` if nothing is clipped."""
     sample_margin: float | None
     """The shortest time between a touchdown and a sample taken or due then [s]; `None` if continuous."""
 
@@ -61,7 +62,7 @@ class Stability:
         return max(self.errors)
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> StabilityVerdict:
         """`stable` only if every modulus is below 1 by more than its error bound."""
         sizes = [
             (abs(multiplier), error) for multiplier, error in zip(self.multipliers, self.errors, strict=True)
@@ -81,7 +82,7 @@ class Stability:
         return tuple(found)
 
 
-def stabilities(loops: Loop, orbits: Sequence[Orbit]) -> list[Stability | None]:
+def stabilities(loops: ClosedLoop, orbits: Sequence[Orbit]) -> list[Stability | None]:
     """The stability of each of stacked loops' orbits; `None` for what is not periodic.
 
     To be called under `jax.enable_x64(True)`, with orbits under the touchdown clock.
@@ -89,11 +90,12 @@ def stabilities(loops: Loop, orbits: Sequence[Orbit]) -> list[Stability | None]:
     periods = np.array([orbit.num_steps for orbit in orbits])
     if not periods.any():
         return [None] * len(orbits)
-    points = np.array([orbit.points[0] if orbit.num_steps else (np.nan,) * 3 for orbit in orbits])
+    dimension = len(loops.plant.section_names)
+    points = np.array([orbit.points[0] if orbit.num_steps else (np.nan,) * dimension for orbit in orbits])
     _, coarse, _ = follow(loops, points, periods)
     _, fine, _ = follow(loops, points, periods, refinement=2)
     differences = _central_differences(loops, points, periods)
-    walks = settle(loops, _states(points), "touchdown")
+    walks = settle(loops, states_at(loops.plant, points), "touchdown")
     return [
         None
         if not orbit.num_steps
@@ -108,7 +110,7 @@ def stabilities(loops: Loop, orbits: Sequence[Orbit]) -> list[Stability | None]:
 
 
 def multipliers_with_errors(
-    jacobian: Float[np.ndarray, "3 3"], change: float
+    jacobian: Float[np.ndarray, "section section"], change: float
 ) -> tuple[tuple[complex, ...], tuple[float, ...]]:
     """Eigenvalues, largest first, and how far each may be off if the matrix is off by `change` in ‖·‖₂."""
     values, vectors = np.linalg.eig(jacobian)
@@ -139,44 +141,40 @@ def _stability(
     )
 
 
-def _kinks(loop: Loop, orbit: Orbit, walk: Walk) -> _Kinks:
+def _kinks(loop: ClosedLoop, orbit: Orbit, walk: SampledWalk) -> _Kinks:
     """Samples in one period, how many are clipped, and the margins to the nearest kinks."""
+    none_clipped = (0,) * len(loop.plant.control_names)
     if loop.hold == "continuous":
-        return 0, (0, 0), None, None
+        return 0, none_clipped, None, None
     touchdowns = walk.touchdown_time[: orbit.num_steps]
     taken = walk.time < touchdowns[-1] - 1e-12
     held = np.diff(np.concatenate([[0.0], touchdowns]))
     rest = np.mod(held, loop.control_dt)
     sample_margin = float(np.min(np.minimum(rest, loop.control_dt - rest)))
     if not (isinstance(loop.controller, Policy) and loop.controller.squashing == "clip"):
-        return int(taken.sum()), (0, 0), None, sample_margin
+        return int(taken.sum()), none_clipped, None, sample_margin
     wanted = np.asarray(jax.vmap(without_bounds(loop.controller))(jnp.asarray(walk.x[taken])))
     low, high = np.asarray(loop.controller.low), np.asarray(loop.controller.high)
-    ankle, hip = ((wanted < low) | (wanted > high)).sum(axis=0)
+    clipped = ((wanted < low) | (wanted > high)).sum(axis=0)
     margin = np.minimum(np.abs(wanted - low), np.abs(wanted - high))
-    return int(taken.sum()), (int(ankle), int(hip)), float(margin.min()), sample_margin
+    return int(taken.sum()), tuple(clipped.tolist()), float(margin.min()), sample_margin
 
 
 def without_bounds(policy: Policy) -> Policy:
-    """A clipped policy before its torques are clipped."""
+    """A clipped policy before its controls are clipped."""
     return eqx.tree_at(
         lambda policy: (policy.low, policy.high), policy, (policy.low - jnp.inf, policy.high + jnp.inf)
     )
 
 
-def _states(points: np.ndarray) -> np.ndarray:
-    beta, dtheta_1, dtheta_2 = points.T
-    return np.stack([beta, -beta, dtheta_1, dtheta_2], axis=-1)
-
-
 def _central_differences(
-    loops: Loop, points: Float[np.ndarray, "walkers 3"], periods: Int[np.ndarray, " walkers"]
-) -> Float[np.ndarray, "walkers 3 3"]:
+    loops: ClosedLoop, points: Float[np.ndarray, "walkers section"], periods: Int[np.ndarray, " walkers"]
+) -> Float[np.ndarray, "walkers section section"]:
     def mapped(points):
         return follow(loops, points, periods)[0]
 
     columns = [
         (mapped(points + step) - mapped(points - step)) / (2 * _DIFFERENCE)
-        for step in _DIFFERENCE * np.eye(3)
+        for step in _DIFFERENCE * np.eye(points.shape[1])
     ]
     return np.stack(columns, axis=-1)

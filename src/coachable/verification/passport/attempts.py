@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coachable.foundation.errors import MissingExtraError
+from coachable.foundation.errors import MissingExtraError, ParameterError
 from coachable.verification.falsification.counterexample_file import write_counterexamples
 from coachable.verification.falsification.falsify import search_for_falls
 from coachable.verification.passport.closed_loop import Subject
@@ -22,20 +22,20 @@ SECONDS_OF_A_PROOF = 300.0
 
 
 def falls(subject: Subject, gait: np.ndarray, folder: Path | None) -> tuple[FallSearch, ...]:
-    """Search for falls around a gait (β, θ̇1, θ̇2); counterexamples are written beside the passports."""
-    parameters, name = subject.plant.parameters, subject.walker.name
+    """Search for falls around a point of the section; counterexamples are written beside the passports."""
+    plant = subject.plant
     found = search_for_falls(
+        plant,
         subject.controller,
         gait.tolist(),
-        parameters=parameters,
         clock=subject.walker.clock,
         budget=FALL_BUDGET,
     )
     if folder is not None:
-        write_counterexamples(run_of(folder), name, found, parameters, subject.behaviour)
+        write_counterexamples(run_of(folder), subject.walker.name, found, plant, subject.behaviour)
     return tuple(
         FallSearch(
-            within=one.perturbation.sentence,
+            within=one.perturbation.sentence(plant),
             seconds=one.seconds,
             walks=FALL_BUDGET,
             first_fall=one.searches[0].first_fall,
@@ -49,22 +49,22 @@ def falls(subject: Subject, gait: np.ndarray, folder: Path | None) -> tuple[Fall
 
 
 def certificate(
-    passport: Passport, subject: Subject, folder: Path | None, tell: Callable[[float], None]
+    passport: Passport, subject: Subject, folder: Path | None, progress: Callable[[float], None]
 ) -> Certified:
     """Try to prove that a box around the gait returns into itself; a certificate is written.
 
-    `tell` is told, time and again, what share of the time was used since.
+    `progress` is called, time and again, with the share of the time that was used since.
     """
     # Interval arithmetic is an extra, and passports do without it.
     from coachable.verification.certificate.file import write_certificate
     from coachable.verification.certificate.proposal import propose
 
-    walker, told = passport.walker, 0.0
+    walker, reported = passport.walker, 0.0
 
-    def progress(gone: float) -> None:
-        nonlocal told
-        tell(gone - told)
-        told = gone
+    def used(share: float) -> None:
+        nonlocal reported
+        progress(share - reported)
+        reported = share
 
     about = {
         "walker": walker.name,
@@ -72,8 +72,12 @@ def certificate(
         "policy_sha256": walker.policy_sha256,
     }
     orbit = passport.orbits.touchdown
-    proposal = propose(subject.loop, orbit, about, seconds=SECONDS_OF_A_PROOF, progress=progress)
-    progress(1.0)
+    try:
+        proposal = propose(subject.loop, orbit, about, seconds=SECONDS_OF_A_PROOF, progress=used)
+    except ParameterError as error:
+        used(1.0)
+        return Certified(False, 0.0, float("nan"), 0, f"not tried: {error}", None)
+    used(1.0)
     path = None
     if proposal.certificate is not None and folder is not None:
         path = run_of(folder) / "certificates" / f"{walker.name}.json"

@@ -1,4 +1,4 @@
-"""Who is to be verified: a lane's learned policy or a baseline, each as a closed loop."""
+"""What is verified: a lane's learned policy or a baseline, each as a closed loop."""
 
 from __future__ import annotations
 
@@ -7,33 +7,38 @@ from dataclasses import dataclass
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.baselines import controller_of
-from coachable.envs.walking_task import Clock
-from coachable.experiments.plan import IMPLIED
 from coachable.experiments.run_folder.reader import Run, Which
 from coachable.foundation.files import hash_of, read_bytes
-from coachable.plants.compass import PAPER_PARAMETERS, CompassParameters, CompassWalker
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
+from coachable.plants.named import plant_class
+from coachable.plants.plant import Controller, Plant
+from coachable.plants.sampled import Clock
 from coachable.rewards.setup import Semantics
-from coachable.verification.gait.section import Controller, Loop
+from coachable.verification.gait.closed_loop import ClosedLoop
 from coachable.verification.passport.passport import Walker
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A walker with the controller that drives it, and what it was to follow."""
+    """A plant with the controller that drives it, and the behaviour that it is to follow."""
 
     walker: Walker
     controller: Controller
-    plant: CompassWalker
+    plant: Plant
     behaviour: Behaviour
 
     @property
-    def loop(self) -> Loop:
+    def loop(self) -> ClosedLoop:
         """The closed loop, sampled and held as in training, in the numbers that the controller has."""
         released = self.walker.semantics == "released-code"
-        return Loop(
+        return ClosedLoop(
             self.plant, self.controller, chatter=ChatterRule(None, 0.001) if released else PAPER_CHATTER
         )
+
+
+def plant_of(run: Run) -> Plant:
+    """The plant of a run, as the paper has it."""
+    return plant_class("compass")(run.plan.plant)
 
 
 def lane_subject(run: Run, setup: str, seed: int, which: Which = "last") -> Subject:
@@ -54,31 +59,30 @@ def lane_subject(run: Run, setup: str, seed: int, which: Which = "last") -> Subj
             clock="touchdown" if policy.clock == "touchdown" else "free",
         ),
         controller=policy,
-        plant=_plant(run.plan.plant, run.plan.semantics),
+        plant=plant_of(run).under(run.plan.semantics),
         behaviour=run.behaviour,
     )
 
 
 def baseline_subject(
     name: str,
+    plant: Plant,
     semantics: Semantics = "paper",
     clock: Clock = "free",
-    parameters: CompassParameters = PAPER_PARAMETERS,
     behaviour: Behaviour | None = None,
 ) -> Subject:
-    """A baseline, its torque sampled and held; its behaviour by default the semantics' compass walking.
+    """One of a plant's written controllers, its control sampled and held.
 
-    **Raises:** `ParameterError` for an unknown controller.
+    **Arguments:** `plant`, as the paper has it; `behaviour`, what it is to follow, by default its own
+    under the semantics.
+
+    **Raises:** `ParameterError` for an unknown controller, and for semantics that the plant does not have.
     """
-    plant = _plant(parameters, semantics)
+    plant = plant.under(semantics)
     controller = controller_of(plant, name)
     return Subject(
         walker=Walker(name, None, None, None, None, semantics, clock),
         controller=controller,
         plant=plant,
-        behaviour=behaviour or load_behaviour(IMPLIED[semantics]["behaviour"]),
+        behaviour=behaviour or load_behaviour(plant.behaviour_under(semantics)),
     )
-
-
-def _plant(parameters: CompassParameters, semantics: Semantics) -> CompassWalker:
-    return CompassWalker(parameters, backward_passing_counts=semantics == "released-code")

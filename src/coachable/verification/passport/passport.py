@@ -1,4 +1,4 @@
-"""The gait passport: everything that was found out about one walker, as a value and as a file."""
+"""The gait passport: all that was measured of one closed loop, as a value and as a file."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from coachable.envs.walking_task import Clock
 from coachable.foundation.errors import RunFolderError
 from coachable.foundation.files import read_bytes, write_atomic
 from coachable.foundation.json_values import from_json, to_json
+from coachable.plants.sampled import Clock
 from coachable.rewards.setup import Semantics
 from coachable.verification.gait.adherence import Adherence
 from coachable.verification.gait.orbit import Orbit
@@ -32,7 +32,7 @@ _DERIVED = {
 
 @dataclass(frozen=True)
 class Walker:
-    """Who the passport is about: a lane's learned policy, or a baseline."""
+    """What the passport is about: a lane's learned policy, or a baseline."""
 
     name: str
     """The lane (`setup-seed`, with `-best` for the best policy) or the baseline."""
@@ -88,14 +88,14 @@ class Certified:
     strides: int
     """Steps after which the box returns; 0 without a gait that repeats itself."""
     reason: str
-    """What the checker says; without a proof, where it fails."""
+    """What the checker reports; without a proof, where it fails."""
     file: str | None
     """The certificate's name in the folder `certificates`, if it was written."""
 
 
 @dataclass(frozen=True)
 class Passport:
-    """What is known of one walker, at one level; docs/passport.md tells what each line means."""
+    """What is known of one walker, at one level; docs/passport.md explains each line."""
 
     walker: Walker
     level: Level
@@ -109,12 +109,13 @@ class Passport:
     pushes: Pushes | None
     """Level full, under its own clock; `None` if there is no gait to disturb."""
     baseline: str | None
-    """Who stands beside it in the table of pushes."""
+    """What stands beside it in the table of pushes."""
     baseline_pushes: Pushes | None
     falls: tuple[FallSearch, ...] = ()
-    """Level full, under its own clock; empty without a gait, and in `released-code` semantics."""
+    """Level full, under its own clock; empty without a gait, in `released-code`
+    semantics, and for a plant without a second statement."""
     certificate: Certified | None = None
-    """With the touchdown clock, if it was asked for."""
+    """With the touchdown clock, where one was requested."""
 
     @property
     def gait(self) -> Orbit:

@@ -1,4 +1,4 @@
-"""A passport, and many of them, for people: in the terminal."""
+"""A passport, and a table of many, in the terminal."""
 
 from __future__ import annotations
 
@@ -14,23 +14,27 @@ from rich.table import Table
 from rich.text import Text
 
 from coachable.foundation.files import write_atomic
-from coachable.verification.robustness.basin import AROUND_START, NEAR, ON_SECTION, SECONDS, Basin, Proportion
+from coachable.verification.labels import (
+    actuators,
+    control_unit,
+    label,
+    point_text,
+    section_units,
+    with_units,
+)
+from coachable.verification.robustness.basin import SECONDS, Basin, Proportion
 from coachable.verification.robustness.pushes import SECONDS as PUSH_SECONDS
 
 if TYPE_CHECKING:
+    from coachable.plants.plant import Plant
     from coachable.verification.gait.adherence import Adherence, Transition
     from coachable.verification.gait.orbit import Orbit
     from coachable.verification.gait.stability import Stability
     from coachable.verification.passport.passport import Certified, FallSearch, Passport
     from coachable.verification.robustness.pushes import Pushes, Tolerance
 
-_SETS = {
-    "start": "around x₀ (± " + ", ".join(f"{width:g}" for width in AROUND_START) + ")",
-    "section": "on the section (" + ", ".join(f"{low:g} … {high:g}" for low, high in ON_SECTION) + ")",
-}
-
 _COLUMNS = ("setup", "walkers", "up", "k=1", "k>1", "wander", "stable", "|λ|", "cycles", "x₀", "section")
-_TOLD = (
+_LEGEND = (
     "up: after 100 s. k=1, k>1, wander: the gait with the touchdown clock repeats every step, every 2 or 4, "
     "or never. stable: all multipliers within the unit circle. |λ|: the largest, median of those that "
     "repeat. cycles: completed in 100 s, median of those up. x₀, section: percentage of starts from these "
@@ -39,25 +43,29 @@ _TOLD = (
 _TITLE = "Gait passports by setup"
 
 
-def print_passport(passport: Passport, console: Console) -> None:
-    """Print all that a passport says."""
+def print_passport(passport: Passport, plant: Plant, console: Console) -> None:
+    """Print a whole passport, with the names of the plant that it is about."""
     walker = passport.walker
     parts: list[object] = [
         Text(f"{walker.name}: {passport.verdict}", style="bold"),
         Text(f"{walker.semantics} semantics, {walker.clock} clock, level {passport.level}", style="dim"),
         *_section("adherence", _adherence(passport.adherence)),
-        *_section("orbit, free clock", _orbit(passport.orbits.free)),
-        *_section("orbit, touchdown clock", _orbit(passport.orbits.touchdown)),
+        *_section("orbit, free clock", _orbit(passport.orbits.free, plant)),
+        *_section("orbit, touchdown clock", _orbit(passport.orbits.touchdown, plant)),
     ]
     if passport.stability is not None:
-        parts += _section("stability, touchdown clock", _stability(passport.stability))
+        parts += _section("stability, touchdown clock", _stability(passport.stability, plant))
     if passport.basins:
-        near = ", ".join(f"{width:g}" for width in NEAR)
-        title = f"basin: within {SECONDS:g} s at the gait (± {near} in β, θ̇1, θ̇2)"
-        parts += _section(title, [_basin(basin) for basin in passport.basins])
+        near = ", ".join(f"{width:g}" for width in plant.section_near)
+        names = ", ".join(map(label, plant.section_names))
+        title = f"basin: within {SECONDS:g} s at the gait (± {near} in {names})"
+        parts += _section(title, [_basin(basin, plant) for basin in passport.basins])
     console.print(Group(*parts))  # pyright: ignore[reportArgumentType]
     if passport.pushes is not None:
         console.print(Padding(_pushes(passport), (1, 0, 0, 2)))
+        if not plant.disturbances().changes:
+            note = f"no constants of {plant.name} were changed: it gives none that can be"
+            console.print(Padding(Text(note, style="dim"), (0, 0, 0, 2)))
     if passport.falls:
         rows = [row for search in passport.falls for row in _falls(search)]
         title = f"looked for falls within {passport.falls[0].seconds:g} s; none found is no proof"
@@ -77,7 +85,7 @@ def print_summary(passports: Sequence[Passport], console: Console) -> None:
     for row in rows:
         table.add_row(*row)
     console.print(table)
-    console.print(_TOLD, style="dim")
+    console.print(_LEGEND, style="dim")
     for line in _counts(passports):
         console.print(line)
 
@@ -87,7 +95,7 @@ def write_summary(passports: Sequence[Passport], folder: Path) -> None:
     header, *rows = _summary(passports)
     ruled = [header, ["---"] + ["---:"] * (len(header) - 1), *rows]
     lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in ruled]
-    note = "\n\n".join([_TOLD, *_counts(passports)])
+    note = "\n\n".join([_LEGEND, *_counts(passports)])
     write_atomic(folder / "summary.md", f"# {_TITLE}\n\n" + "\n".join(lines) + f"\n\n{note}\n")
     data = {"title": _TITLE, "header": header, "rows": rows, "note": note}
     write_atomic(folder / "summary.json", json.dumps(data, indent=2, ensure_ascii=False) + "\n")
@@ -111,7 +119,7 @@ def _counts(passports: Sequence[Passport]) -> list[str]:
         f"{_many(count('wandering'), 'wanders', 'wander')}"
         for clock, count in kinds.items()
     )
-    told = [
+    counts = [
         f"Up after 100 s, 95 % interval in percent: {', '.join(ups)}.",
         f"Of {_many(len(passports), 'walker', 'walkers')}, {clocks}.",
         f"Of the {_many(len(up), 'that is up', 'that are up')}, "
@@ -126,12 +134,12 @@ def _counts(passports: Sequence[Passport]) -> list[str]:
             for one in passport.falls
         ]
         sooner, later = sum(a < b for a, b in found), sum(b < a for a, b in found)
-        told.append(
+        counts.append(
             f"Of {_many(len(searched), 'walker', 'walkers')} searched for falls, "
             f"{_many(safe, 'has', 'have')} no counterexample; CMA-ES saw the first fall before random search "
             f"{_many(sooner, 'time', 'times')}, after it {_many(later, 'time', 'times')}."
         )
-    return told
+    return counts
 
 
 def _many(number: int, one: str, more: str) -> str:
@@ -217,31 +225,31 @@ def _transition(one: Transition) -> str:
     return f"{one.source or 'outside'} → {one.target or 'outside'} {one.count:,} ×"
 
 
-def _orbit(orbit: Orbit) -> list[tuple[str, str]]:
+def _orbit(orbit: Orbit, plant: Plant) -> list[tuple[str, str]]:
     if orbit.kind == "none":
         return [("gait", "none: it falls or stops")]
     repeats = "repeats every step" if orbit.num_steps == 1 else f"repeats every {orbit.num_steps} steps"
     wander = " / ".join(f"{width:.1e}" for width in orbit.wander)
+    names, units = [label(name) for name in plant.section_names], section_units(plant)
     if orbit.kind == "wandering":
-        gait = f"does not repeat; wanders by ± {wander} (β [rad], θ̇1, θ̇2 [rad/s])"
+        gait = f"does not repeat; wanders by ± {wander} ({with_units(names, units)})"
     elif orbit.clock == "free":
-        gait = f"{repeats}, to within ± {wander} (β [rad], θ̇1, θ̇2 [rad/s])"
+        gait = f"{repeats}, to within ± {wander} ({with_units(names, units)})"
     else:
         gait = f"{repeats} (residual {orbit.residual:.0e})"
-    points = [
-        f"β = {one:.6f} rad, θ̇1 = {two:.6f}, θ̇2 = {three:.6f} rad/s" for one, two, three in orbit.points
-    ]
+    points = [point_text(names, units, point) for point in orbit.points]
+    transport = "unknown: the plant gives no power" if math.isnan(orbit.cost_of_transport) else ""
     return [
         ("gait", gait),
         *(("after touchdown" if index == 0 else "", point) for index, point in enumerate(points)),
         ("period", f"{orbit.period:.4f} s"),
         ("step length", f"{orbit.step_length:.4f} m"),
         ("speed", f"{orbit.speed:.3f} m/s"),
-        ("cost of transport", f"{orbit.cost_of_transport:.4f}"),
+        ("cost of transport", transport or f"{orbit.cost_of_transport:.4f}"),
     ]
 
 
-def _stability(found: Stability) -> list[tuple[str, str]]:
+def _stability(found: Stability, plant: Plant) -> list[tuple[str, str]]:
     values = ", ".join(_complex(value) for value in found.multipliers)
     agreement = f"central differences differ by {found.disagreement:.0e}"
     rows = [
@@ -250,12 +258,15 @@ def _stability(found: Stability) -> list[tuple[str, str]]:
         ("‖DP‖₂", f"{found.norm:.2f}; {agreement}"),
     ]
     if found.clip_margin is not None:
-        ankle, hip = found.num_clipped
+        clipped = ", ".join(
+            f"{name} in {count}" for name, count in zip(actuators(plant), found.num_clipped, strict=True)
+        )
+        unit = control_unit(plant)
         rows.append(
             (
                 "clipping",
-                f"ankle in {ankle}, hip in {hip} of {found.num_samples} samples; "
-                f"nearest a bound {found.clip_margin:.1e} N m",
+                f"{clipped} of {found.num_samples} samples; "
+                f"nearest a bound {found.clip_margin:.1e} {unit}".rstrip(),
             )
         )
     if found.sample_margin is not None:
@@ -271,12 +282,19 @@ def _complex(value: complex) -> str:
     return f"{value.real:.6f} {'+' if value.imag > 0 else '−'} {abs(value.imag):.6f} i"
 
 
-def _basin(basin: Basin) -> tuple[str, str]:
+def _basin(basin: Basin, plant: Plant) -> tuple[str, str]:
     return (
         f"{basin.reached.total:,} starts",
-        f"{_SETS[basin.starts]}: {_share(basin.reached)}; fell {100 * basin.fell.share:.1f} %, "
+        f"{_box(basin, plant)}: {_share(basin.reached)}; fell {100 * basin.fell.share:.1f} %, "
         f"undecided {100 * basin.undecided.share:.1f} %",
     )
+
+
+def _box(basin: Basin, plant: Plant) -> str:
+    """The box that the starts were drawn from."""
+    if basin.starts == "start":
+        return "around x₀ (± " + ", ".join(f"{width:g}" for width in plant.start_box) + ")"
+    return "on the section (" + ", ".join(f"{low:g} … {high:g}" for low, high in plant.section_box) + ")"
 
 
 def _share(proportion: Proportion) -> str:
@@ -321,7 +339,7 @@ def _pushes(passport: Passport) -> Table:
         if name is not None:
             table.add_column(name, justify="right")
     table.add_column("")
-    assert mine is not None, "asked for where there are pushes"
+    assert mine is not None, "called only where there are pushes"
     for index, one in enumerate(mine.tolerances):
         other = [] if baseline is None else [_amount(baseline.tolerances[index])]
         table.add_row(one.what, _amount(one), *other, one.unit)

@@ -1,4 +1,4 @@
-"""From walkers to passports: many at once, each program compiled once for all of them."""
+"""From closed loops to passports: many at once, each program compiled once for all of them."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from coachable.envs.walking_task import Clock
 from coachable.experiments.layout import num_cores
-from coachable.foundation.errors import RunFolderError
+from coachable.foundation.errors import ParameterError, RunFolderError
 from coachable.foundation.files import write_atomic
-from coachable.plants.compass import START
+from coachable.plants.plant import Plant
+from coachable.plants.sampled import Clock
 from coachable.verification.falsification.fall_search import require_cma
 from coachable.verification.gait.adherence import adherence
+from coachable.verification.gait.closed_loop import in_double, stacked
 from coachable.verification.gait.followed_automaton import followed_svg
 from coachable.verification.gait.orbit import find_orbits
-from coachable.verification.gait.section import in_double
 from coachable.verification.gait.stability import stabilities
-from coachable.verification.gait.walk import Walk, settle, stacked
+from coachable.verification.gait.walk import SampledWalk, settle
 from coachable.verification.passport.attempts import certificate, falls, no_certificate, require_crival
 from coachable.verification.passport.closed_loop import Subject
 from coachable.verification.passport.passport import (
@@ -35,7 +35,7 @@ from coachable.verification.passport.passport import (
     write_passport,
 )
 from coachable.verification.passport.why_no_certificate import obstacles
-from coachable.verification.robustness.basin import CHUNK, SET_NAMES, basin, draw_starts, label_starts
+from coachable.verification.robustness.basin import CHUNK, basin, draw_starts, label_starts, set_names
 from coachable.verification.robustness.basin_picture import draw_slices, slices
 from coachable.verification.robustness.pushes import Pushes, pushes
 
@@ -43,7 +43,7 @@ NUM_STARTS: dict[Level, int] = {"quick": 500, "full": 50_000}
 """Starts drawn from each of the two boxes."""
 
 MEASURING = 0.3
-"""Share of the work on a walker, as it is told, that comes before the attempt at a certificate."""
+"""Share of the work on a walker, as it is reported, that comes before the attempt at a certificate."""
 
 GROUP = 10
 """Walkers whose orbits are looked for side by side."""
@@ -52,8 +52,8 @@ _CLOCKS: tuple[Clock, ...] = ("free", "touchdown")
 _GAIT_POINTS = 64
 """How many of the last touchdowns stand for a gait that starts are to reach."""
 
-Tell = Callable[[str, float], None]
-"""Told the name of a walker and how much of the work on it is done since the last time, in walkers."""
+ProgressCallback = Callable[[str, float], None]
+"""Called with the name of a walker and the share of the work on it that was done since the last call."""
 
 
 def verify(
@@ -61,20 +61,24 @@ def verify(
     level: Level,
     folder: Path | None,
     baseline: Subject | None = None,
-    tell: Tell = lambda name, share: None,
+    progress: ProgressCallback = lambda name, share: None,
     *,
     certify: bool = False,
 ) -> list[Passport]:
     """The passports of walkers, in their order; written into a folder as soon as each is made.
 
-    Arguments: subjects, whose controllers are of one kind; level, how much is looked at; folder, where
-    passports and their pictures go, if anywhere; baseline, who stands beside them in the table of pushes;
-    certify, whether to try to prove that a box around the gait returns into itself, for five minutes at most.
+    Arguments: subjects, of one plant class, whose controllers are of one kind; level, how much is measured;
+    folder, where passports and their pictures go, if anywhere; baseline, what stands beside them in the table
+    of pushes; certify, whether to try to prove that a box around the gait returns into itself, for five
+    minutes at most.
 
-    **Raises:** `MissingExtraError` for what needs the [verify] extra without it.
+    **Raises:** `MissingExtraError` for what needs the [verify] extra without it; `ParameterError` for a plant
+    without coordinates on its touchdown section.
     """
     if not subjects:
         return []
+    for subject in subjects:
+        _check_section(subject.plant)
     if level == "full":
         require_cma()
     if certify:
@@ -86,10 +90,10 @@ def verify(
     groups = [subjects[first : first + width] for first in range(0, len(subjects), width)]
     stopped = threading.Event()
 
-    def tell_unless_stopped(name: str, share: float) -> None:
+    def unless_stopped(name: str, share: float) -> None:
         if stopped.is_set():
             raise InterruptedError("the verification was stopped")
-        tell(name, share)
+        progress(name, share)
 
     job = _Job(
         width=width,
@@ -97,7 +101,7 @@ def verify(
         folder=folder,
         baseline=None if beside is None or baseline is None else baseline.walker.name,
         beside=beside,
-        tell=tell_unless_stopped,
+        progress=unless_stopped,
         drawing=threading.Lock(),
         certify=certify,
     )
@@ -116,6 +120,14 @@ def verify(
     return [passport for index in range(len(groups)) for passport in done[index]]
 
 
+def _check_section(plant: Plant) -> None:
+    if not plant.section_names:
+        raise ParameterError(
+            f"{plant.name} gives no coordinates on its touchdown section, so no orbit of it can be "
+            "looked for; give it section_names, to_section and from_section"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class _Job:
     """What all groups of one verification have in common."""
@@ -126,8 +138,8 @@ class _Job:
     folder: Path | None
     baseline: str | None
     beside: Pushes | None
-    """What the baseline takes."""
-    tell: Tell
+    """What the baseline withstands."""
+    progress: ProgressCallback
     drawing: threading.Lock
     """Matplotlib's settings are one for all threads."""
     certify: bool
@@ -137,19 +149,20 @@ def _verify_group(group: Sequence[Subject], job: _Job) -> list[Passport]:
     padded = [*group, *[group[-1]] * (job.width - len(group))]
     with jax.enable_x64(True):
         loops = stacked([in_double(subject.loop) for subject in padded])
-        starts = np.tile(np.array(START), (job.width, 1))
+        starts = np.array([subject.plant.start for subject in padded])
         walks = {clock: settle(loops, starts, clock) for clock in _CLOCKS}
         found = {clock: find_orbits(loops, walks[clock], clock) for clock in _CLOCKS}
         stable = stabilities(loops, found["touchdown"])
-        asked = (loops, walks["touchdown"], found["touchdown"], stable)
-        why_not = obstacles(*asked) if job.certify else [""] * job.width
+        why_not = [""] * job.width
+        if job.certify:
+            why_not = obstacles(loops, walks["touchdown"], found["touchdown"], stable)
     passports = []
     for lane, subject in enumerate(group):
         walk = walks[subject.walker.clock][lane]
         passport = Passport(
             walker=subject.walker,
             level=job.level,
-            adherence=adherence(subject.behaviour, walk),
+            adherence=adherence(subject.behaviour, subject.plant, walk),
             orbits=Orbits(found["free"][lane], found["touchdown"][lane]),
             stability=stable[lane],
             basins=(),
@@ -172,56 +185,60 @@ def _verify_group(group: Sequence[Subject], job: _Job) -> list[Passport]:
 
 
 def _with_certificate(passport: Passport, subject: Subject, job: _Job) -> Passport:
-    def tell(share: float) -> None:
-        job.tell(subject.walker.name, (1 - MEASURING) * share)
+    def progress(share: float) -> None:
+        job.progress(subject.walker.name, (1 - MEASURING) * share)
 
-    return replace(passport, certificate=certificate(passport, subject, job.folder, tell))
+    return replace(passport, certificate=certificate(passport, subject, job.folder, progress))
 
 
-def _with_disturbances(passport: Passport, subject: Subject, walk: Walk, job: _Job, share: float) -> Passport:
+def _with_disturbances(
+    passport: Passport, subject: Subject, walk: SampledWalk, job: _Job, share: float
+) -> Passport:
     """The passport with what needs a gait to start from: basins and, at level full, slices, pushes, falls.
 
-    It is told as this share of the work on the walker.
+    It is reported as this share of the work on the walker.
     """
     name, level, folder = subject.walker.name, job.level, job.folder
     if not passport.walks:
-        job.tell(name, share)
+        job.progress(name, share)
         return passport
     gait = walk.section[-_GAIT_POINTS:]
-    loop, clock = subject.loop, subject.walker.clock
-    planes = slices(gait[-1]) if level == "full" and folder is not None else ()
+    loop, clock, plant = subject.loop, subject.walker.clock, subject.plant
+    planes = slices(plant, gait[-1]) if level == "full" and folder is not None else ()
+    sets = set_names(plant)
     chunks = sum(-(-len(plane.starts) // CHUNK) for plane in planes)
-    chunks += len(SET_NAMES) * -(-NUM_STARTS[level] // CHUNK)
+    chunks += len(sets) * -(-NUM_STARTS[level] // CHUNK)
 
     def each() -> None:
-        job.tell(name, share / chunks)
+        job.progress(name, share / max(chunks, 1))
 
     found = tuple(
-        basin(starts, label_starts(loop, clock, gait, draw_starts(starts, NUM_STARTS[level]), each))
-        for starts in SET_NAMES
+        basin(starts, label_starts(loop, clock, gait, draw_starts(plant, starts, NUM_STARTS[level]), each))
+        for starts in sets
     )
     if folder is not None and planes:
         labelled = [(plane, label_starts(loop, clock, gait, plane.starts, each)) for plane in planes]
         with job.drawing:
-            draw_slices(folder / f"{name}-basin.png", name, gait, labelled)
+            draw_slices(folder / f"{name}-basin.png", name, plant, gait, labelled)
     if level == "quick":
         return replace(passport, basins=found)
-    fallen = falls(subject, gait[-1], folder) if subject.walker.semantics == "paper" else ()
+    searchable = subject.walker.semantics == "paper" and plant.restated() is not None
+    fallen = falls(subject, gait[-1], folder) if searchable else ()
     return replace(passport, basins=found, pushes=pushes(loop, clock, gait[-1]), falls=fallen)
 
 
 def _pushes_of(subject: Subject) -> Pushes | None:
-    """What the baseline takes, if it walks."""
+    """What the baseline withstands, if it walks."""
     with jax.enable_x64(True):
         clock = subject.walker.clock
-        walk = settle(stacked([in_double(subject.loop)]), np.array([START]), clock)[0]
+        walk = settle(stacked([in_double(subject.loop)]), np.array([subject.plant.start]), clock)[0]
     if not walk.up or not len(walk.section):
         return None
     return pushes(subject.loop, clock, walk.section[-1])
 
 
 def kept_passport(folder: Path, subject: Subject, level: Level, certify: bool = False) -> Passport | None:
-    """The walker's passport if it is in the folder, readable, and of the same policy, and tells no less."""
+    """The walker's passport if it is in the folder, readable, of the same policy and as complete."""
     path = passport_path(folder, subject.walker.name)
     if not path.exists():
         return None

@@ -1,4 +1,4 @@
-"""Why a walker has no gait to put a box around, in a sentence: what it does instead, and what is near."""
+"""Why a closed loop has no gait to put a box around, in a sentence: what it does, and what is near."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from coachable.learning.policy import Policy
+from coachable.verification.gait.closed_loop import ClosedLoop
 from coachable.verification.gait.orbit import FixedPoint, Orbit, fixed_points
-from coachable.verification.gait.section import Loop
 from coachable.verification.gait.stability import Stability, without_bounds
-from coachable.verification.gait.walk import Walk
+from coachable.verification.gait.walk import SampledWalk
+from coachable.verification.labels import actuators, listed
 
 _GUESSES = 6
 """From so many of the last touchdowns Newton's method looks for a gait in which every step is alike."""
@@ -22,7 +23,10 @@ _LAST_SECONDS = 10.0
 
 
 def obstacles(
-    loops: Loop, walks: Sequence[Walk], orbits: Sequence[Orbit], stable: Sequence[Stability | None]
+    loops: ClosedLoop,
+    walks: Sequence[SampledWalk],
+    orbits: Sequence[Orbit],
+    stable: Sequence[Stability | None],
 ) -> list[str]:
     """What keeps each of stacked loops from a certificate; empty where a stable gait was found.
 
@@ -40,23 +44,23 @@ def obstacles(
 
 
 def _sentence(
-    loop: Loop, walk: Walk, orbit: Orbit, stability: Stability | None, near: FixedPoint | None
+    loop: ClosedLoop, walk: SampledWalk, orbit: Orbit, stability: Stability | None, near: FixedPoint | None
 ) -> str:
     if stability is not None:
         return f"the gait is {stability.verdict}: its largest |λ| is {stability.largest:.3f}"
-    said = [_what_it_does(walk, orbit)]
+    reasons = [_what_it_does(walk, orbit)]
     if near is not None:
         values = np.abs(np.linalg.eigvals(near.jacobian))
         norm = f"largest |λ| {np.max(values):.3f}, ‖DP‖₂ {np.linalg.norm(near.jacobian, 2):.1f}"
         if np.max(values) < 1:
-            said.append(f"a gait of equal steps that would hold ({norm}) is not reached from this start")
+            reasons.append(f"a gait of equal steps that would hold ({norm}) is not reached from this start")
         else:
-            said.append(f"a gait of equal steps is there, but deviations from it grow ({norm})")
-    said.extend(_clipping(loop, walk))
-    return "; ".join(said)
+            reasons.append(f"a gait of equal steps is there, but deviations from it grow ({norm})")
+    reasons.extend(_clipping(loop, walk))
+    return "; ".join(reasons)
 
 
-def _what_it_does(walk: Walk, orbit: Orbit) -> str:
+def _what_it_does(walk: SampledWalk, orbit: Orbit) -> str:
     if orbit.kind == "none":
         return "it stops walking" if walk.up else f"it falls after {walk.seconds:.2f} s"
     last = walk.section[-2 * _LONGEST_PERIOD :]
@@ -66,13 +70,16 @@ def _what_it_does(walk: Walk, orbit: Orbit) -> str:
     return f"its steps, {orbit.step_length:.2f} m, never repeat (± {max(orbit.wander):.1e})"
 
 
-def _gaits_near(loops: Loop, walks: Sequence[Walk]) -> list[FixedPoint | None]:
+def _gaits_near(loops: ClosedLoop, walks: Sequence[SampledWalk]) -> list[FixedPoint | None]:
     """Of the fixed points of P that Newton's method finds from each walk's last touchdowns, the calmest."""
     best: list[FixedPoint | None] = [None] * len(walks)
     sizes = [np.inf] * len(walks)
     for back in range(1, _GUESSES + 1):
         guesses = np.stack(
-            [walk.section[-back] if len(walk.section) >= back else np.full(3, np.nan) for walk in walks]
+            [
+                walk.section[-back] if len(walk.section) >= back else np.full(walk.section.shape[1], np.nan)
+                for walk in walks
+            ]
         )
         for lane, found in enumerate(fixed_points(loops, guesses, np.ones(len(walks), int))):
             if found.found and (size := np.max(np.abs(np.linalg.eigvals(found.jacobian)))) < sizes[lane]:
@@ -80,14 +87,16 @@ def _gaits_near(loops: Loop, walks: Sequence[Walk]) -> list[FixedPoint | None]:
     return best
 
 
-def _clipping(loop: Loop, walk: Walk) -> list[str]:
+def _clipping(loop: ClosedLoop, walk: SampledWalk) -> list[str]:
     """How much of the walk's end a clipped policy spends at its bounds, where it feeds nothing back."""
     if not (isinstance(loop.controller, Policy) and loop.controller.squashing == "clip"):
         return []
     states = walk.x[:-1][walk.time[:-1] > walk.seconds - _LAST_SECONDS]
     wanted = np.asarray(jax.vmap(without_bounds(loop.controller))(jnp.asarray(states)))
     beyond = (wanted < np.asarray(loop.controller.low)) | (wanted > np.asarray(loop.controller.high))
+    names = actuators(loop.plant)
     if beyond.all():
-        return ["both torques stay at a bound: nothing is fed back"]
-    ankle, hip = 100 * beyond.mean(axis=0)
-    return [f"torque at a bound in {ankle:.0f} % (ankle) and {hip:.0f} % (hip) of the samples"]
+        every = {1: "the torque stays", 2: "both torques stay"}.get(len(names), "all torques stay")
+        return [f"{every} at a bound: nothing is fed back"]
+    shares = [f"{share:.0f} % ({name})" for share, name in zip(100 * beyond.mean(axis=0), names, strict=True)]
+    return [f"torque at a bound in {listed(shares)} of the samples"]

@@ -1,4 +1,4 @@
-"""From how many starts does the walker reach its gait? Sampled, with exact binomial intervals."""
+"""From how many starts does the plant reach its gait? Sampled, with exact binomial intervals."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -13,25 +13,14 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 from scipy.stats import binomtest
 
-from coachable.envs.walking_task import Clock
 from coachable.experiments.layout import num_cores
-from coachable.plants.compass import START
-from coachable.plants.event_search import PAPER_CHATTER
-from coachable.plants.integrate import advance
-from coachable.plants.outcome import Outcome
-from coachable.verification.gait.section import Loop, section_point
+from coachable.plants.plant import Plant
+from coachable.plants.sampled import Clock, Sampling, sampled_walk, undisturbed
+from coachable.verification.gait.closed_loop import ClosedLoop
+from coachable.verification.gait.section import states_at
 
 SECONDS = 5.0
-"""How long a walker has to reach its gait."""
-
-NEAR = (0.015, 0.05, 0.05)
-"""It has reached it if its last touchdown is so near to one of the gait's, in β [rad], θ̇1, θ̇2 [rad/s]."""
-
-AROUND_START = (0.03, 0.03, 0.04, 0.2)
-"""Half the widths of the box around x₀ [rad, rad/s]: 10 % of 0.3 rad and of x₀'s velocities."""
-
-ON_SECTION = ((0.1, 0.5), (-2.0, -0.5), (-1.5, 1.5))
-"""The box on the section: β [rad], θ̇1, θ̇2 [rad/s]."""
+"""How long a plant has to reach its gait."""
 
 CHUNK = 500
 """Starts in one call of the compiled program."""
@@ -40,7 +29,7 @@ SetName = Literal["start", "section"]
 SET_NAMES: tuple[SetName, ...] = ("start", "section")
 
 _AT_ONCE = 16
-"""Few walkers side by side: each touchdown of one of them makes all of them wait."""
+"""Few walks side by side: each touchdown of one of them makes all of them wait."""
 _SEED = 0
 
 Label = Literal["reached", "fell", "undecided"]
@@ -73,28 +62,33 @@ class Basin:
 
     starts: SetName
     reached: Proportion
-    """Those whose last touchdown was `NEAR` one of the gait's."""
+    """Those whose last touchdown was within the plant's `section_near` of one of the gait's."""
     fell: Proportion
     undecided: Proportion
     """Those that were up, but not at the gait: on their way to it, or to another one."""
 
 
-def draw_starts(name: SetName, count: int) -> Float[np.ndarray, "starts 4"]:
-    """Independent even draws from one of the two boxes; always the same ones."""
+def set_names(plant: Plant) -> tuple[SetName, ...]:
+    """The boxes that a plant gives, of those around its start and on its section."""
+    given = {"start": plant.start_box, "section": plant.section_box}
+    return tuple(name for name in SET_NAMES if given[name])
+
+
+def draw_starts(plant: Plant, name: SetName, count: int) -> Float[np.ndarray, "starts state"]:
+    """Independent even draws from one of the plant's two boxes; always the same ones."""
     generator = np.random.default_rng([_SEED, SET_NAMES.index(name)])
     if name == "start":
-        width = np.array(AROUND_START)
-        return np.array(START) + generator.uniform(-width, width, (count, 4))
-    low, high = np.array(ON_SECTION).T
-    beta, dtheta_1, dtheta_2 = generator.uniform(low, high, (count, 3)).T
-    return np.stack([beta, -beta, dtheta_1, dtheta_2], axis=-1)
+        width = np.array(plant.start_box)
+        return np.array(plant.start) + generator.uniform(-width, width, (count, len(width)))
+    low, high = np.array(plant.section_box).T
+    return states_at(plant, generator.uniform(low, high, (count, len(low))))
 
 
 def label_starts(
-    loop: Loop,
+    loop: ClosedLoop,
     clock: Clock,
-    gait: Float[np.ndarray, "points 3"],
-    starts: Float[np.ndarray, "starts 4"],
+    gait: Float[np.ndarray, "points section"],
+    starts: Float[np.ndarray, "starts state"],
     each: Callable[[], None] = lambda: None,
 ) -> Int[np.ndarray, " starts"]:
     """What becomes of each start, as an index into `LABELS`.
@@ -105,14 +99,14 @@ def label_starts(
     padding = -len(starts) % CHUNK
     padded = np.concatenate([starts, np.tile(starts[-1:], (padding, 1))]).astype(np.float32)
 
-    def label(chunk: Float[np.ndarray, "starts 4"]) -> Int[np.ndarray, " starts"]:
+    def label(chunk: Float[np.ndarray, "starts state"]) -> Int[np.ndarray, " starts"]:
         with jax.enable_x64(False):
             y, fell, touched = jax.device_get(_try(loop, clock, jnp.asarray(chunk)))
-        near = (np.abs(y[:, None] - gait) <= NEAR).all(axis=-1).any(axis=-1) & touched
+        near = (np.abs(y[:, None] - gait) <= loop.plant.section_near).all(axis=-1).any(axis=-1) & touched
         each()
         return np.where(fell, 1, np.where(near, 0, 2))
 
-    first, *others = padded.reshape(-1, CHUNK, 4)
+    first, *others = padded.reshape(-1, CHUNK, padded.shape[1])
     labels = [label(first)]  # alone, so that the program is compiled once
     if others:
         with ThreadPoolExecutor(num_cores()) as pool:
@@ -128,44 +122,21 @@ def basin(name: SetName, labels: Int[np.ndarray, " starts"]) -> Basin:
 
 @eqx.filter_jit
 def _try(
-    loop: Loop, clock: Clock, starts: Float[Array, "starts 4"]
-) -> tuple[Float[Array, "starts 3"], Bool[Array, " starts"], Bool[Array, " starts"]]:
+    loop: ClosedLoop, clock: Clock, starts: Float[Array, "starts state"]
+) -> tuple[Float[Array, "starts section"], Bool[Array, " starts"], Bool[Array, " starts"]]:
     """Where each start's last touchdown was on the section, whether it fell, and if there was a touchdown."""
-    restarts = clock == "touchdown"
-    more = 1.1 if restarts else 1.0
+    plant, sampling = loop.plant, Sampling(clock, loop.control_dt, chatter=loop.chatter)
 
     def walk(x0):
-        zero, no, count = jnp.zeros((), x0.dtype), jnp.zeros((), bool), jnp.zeros((), jnp.int32)
+        def observe(step, memory):
+            y, _, touched = memory
+            y = jnp.where(step.touched, plant.to_section(step.moved.segment_x), y)
+            over = step.fell | step.time_is_up(SECONDS, sampling)
+            return (y, step.fell, touched | step.touched), None, over
 
-        def step(now, _):
-            x, y, time, in_a_row, fell, touched = now
-            over = fell | (time >= SECONDS)
-            # Behind its end a walk is begun anew, unseen.
-            begin = jnp.where(over, x0, x)
-            moved = advance(
-                loop.plant,
-                begin,
-                zero,
-                loop.control(begin),
-                loop.control_dt,
-                stop_at_touchdown=restarts,
-                touchdowns_before=in_a_row if restarts else 0,
-                chatter=PAPER_CHATTER if restarts else loop.chatter,
-            )
-            came_down = (moved.touchdowns > 0) & ~over
-            cut = (moved.touchdowns > 0) & restarts
-            after = (
-                moved.x,
-                jnp.where(came_down, section_point(moved.segment_x), y),
-                jnp.where(over, time, time + moved.elapsed),
-                jnp.where(cut, in_a_row + moved.touchdowns, 0),
-                fell | (~over & (moved.outcome != Outcome.WALKING)),
-                touched | came_down,
-            )
-            return after, None
-
-        begin = (x0, jnp.zeros(3, x0.dtype), zero, count, no, no)
-        (_, y, _, _, fell, touched), _ = lax.scan(step, begin, length=round(more * SECONDS / loop.control_dt))
-        return y, fell, touched
+        no = jnp.zeros((), bool)
+        memory = (jnp.zeros(len(plant.section_names), x0.dtype), no, no)
+        control, num_steps = undisturbed(loop.controller), sampling.num_steps(SECONDS)
+        return sampled_walk(plant, sampling, control, x0, observe, num_steps, memory=memory)[0]
 
     return lax.map(walk, starts, batch_size=_AT_ONCE)

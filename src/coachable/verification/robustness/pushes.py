@@ -1,8 +1,6 @@
-"""How much a gait takes: kicks, other masses and lengths, gravity, slopes, noisy and late torques."""
+"""How much a gait withstands: kicks, other constants of its plant, noisy and late controls."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import equinox as eqx
 import jax
@@ -11,49 +9,22 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from coachable.envs.walking_task import Clock
-from coachable.verification.gait.section import Loop
+from coachable.plants.plant import Plant
+from coachable.plants.sampled import Clock
+from coachable.verification.gait.closed_loop import ClosedLoop
+from coachable.verification.labels import control_unit
 from coachable.verification.robustness.disturbance import Disturbance, seconds_up, undisturbed
 
 SECONDS = 10.0
-"""Who is still up after so long has survived."""
+"""What is still up after so long has survived."""
 
-GREATEST_KICK = 3.0
-"""[rad/s]"""
 LEAST_NOISE, GREATEST_NOISE = 0.01, 1.0
-"""Standard deviations of the torque noise between which the limit is looked for [N m]."""
+"""Standard deviations of the controls' noise between which the limit is looked for."""
+NOISE_LEVELS = 16
+"""Amounts of noise that are tried, none at all among them."""
 NOISE_SEEDS = 24
 ENOUGH = 0.95
 """Share of the noise seeds that have to be up."""
-
-_DIAGONAL = 2**-0.5
-_KICKS: Mapping[str, tuple[float, float]] = MappingProxyType(
-    {
-        "stance leg forward": (-1.0, 0.0),
-        "stance leg back": (1.0, 0.0),
-        "swing leg forward": (0.0, 1.0),
-        "swing leg back": (0.0, -1.0),
-        "both forward": (-_DIAGONAL, _DIAGONAL),
-        "both back": (_DIAGONAL, -_DIAGONAL),
-        "legs closing": (-_DIAGONAL, -_DIAGONAL),
-        "legs opening": (_DIAGONAL, _DIAGONAL),
-    }
-)
-"""Directions of a kick in (θ̇1, θ̇2), right after a touchdown; walking forward means θ̇1 < 0."""
-
-_ERRORS: Mapping[str, tuple[str, float]] = MappingProxyType(
-    {
-        "mass up": ("mass", 2.0),
-        "mass down": ("mass", -0.9),
-        "length up": ("length", 1.0),
-        "length down": ("length", -0.7),
-        "gravity up": ("gravity", 2.0),
-        "gravity down": ("gravity", -0.9),
-        "slope up": ("slope", 0.3),
-        "slope down": ("slope", -0.3),
-    }
-)
-"""What is off, and how far at most: a share of the nominal value, or the ground's angle [rad]."""
 
 _LEVELS = 24
 _REFINEMENTS = 3
@@ -62,7 +33,7 @@ _AT_ONCE = 16
 
 @dataclass(frozen=True)
 class Tolerance:
-    """The greatest amount up to which the walker was up after `SECONDS`, in one direction."""
+    """The greatest amount up to which the plant was up after `SECONDS`, in one direction."""
 
     what: str
     amount: float
@@ -74,14 +45,14 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Pushes:
-    """What a gait under its own clock takes, each disturbance alone, begun right after a touchdown."""
+    """What a gait under its own clock withstands, each disturbance alone, begun right after a touchdown."""
 
     tolerances: tuple[Tolerance, ...]
     delay_survived: bool
-    """Whether it is up after `SECONDS` with every torque one sample late."""
+    """Whether it is up after `SECONDS` with every control one sample late."""
 
 
-def pushes(loop: Loop, clock: Clock, gait_point: Float[np.ndarray, "3"]) -> Pushes:
+def pushes(loop: ClosedLoop, clock: Clock, gait_point: Float[np.ndarray, " section"]) -> Pushes:
     """Search for the limits: a ladder of amounts, then ladders within the rung where it first fell.
 
     Smaller amounts than the first that fells it were survived as far as they were tried; larger ones may be
@@ -89,12 +60,14 @@ def pushes(loop: Loop, clock: Clock, gait_point: Float[np.ndarray, "3"]) -> Push
     """
     with jax.enable_x64(False):
         y = jnp.asarray(gait_point, jnp.float32)
-        directions = [*_kicks(), *_errors()]
+        directions = _directions(loop.plant)
         greatest = np.array([amount for _, _, amount, _ in directions])
         low, high = np.zeros(len(directions)), greatest
         for _ in range(_REFINEMENTS):
             ladder = low[:, None] + (high - low)[:, None] * np.arange(1, _LEVELS + 1) / _LEVELS
-            up = _survives(loop, clock, y, _stacked_along(directions, ladder), np.zeros(ladder.size, int))
+            up = _survives(
+                loop, clock, y, _stacked_along(loop.plant, directions, ladder), np.zeros(ladder.size, int)
+            )
             up = up.reshape(ladder.shape)
             first = np.where(up.all(axis=1), _LEVELS, np.argmin(up, axis=1))
             rungs = np.concatenate([low[:, None], ladder, ladder[:, -1:]], axis=1)
@@ -104,38 +77,40 @@ def pushes(loop: Loop, clock: Clock, gait_point: Float[np.ndarray, "3"]) -> Push
         Tolerance(what, float(amount), float(most), unit)
         for (what, _, most, unit), amount in zip(directions, low, strict=True)
     ]
-    return Pushes((*found, Tolerance("torque noise", noise, GREATEST_NOISE, "N m")), delay)
+    return Pushes((*found, Tolerance("torque noise", noise, GREATEST_NOISE, control_unit(loop.plant))), delay)
 
 
-def _kicks() -> list[tuple[str, Disturbance, float, str]]:
-    """Name, direction as the change a unit of it makes, greatest amount, unit."""
-    nothing = jax.tree.map(lambda leaf: jnp.zeros_like(leaf, jnp.float32), undisturbed())
-    return [
+def _directions(plant: Plant) -> list[tuple[str, Disturbance, float, str]]:
+    """Name, direction as the change that one unit of it makes, greatest amount, unit."""
+    known = plant.disturbances()
+    nothing = jax.tree.map(lambda leaf: jnp.zeros_like(leaf, jnp.float32), undisturbed(plant))
+    kicks = [
         (
-            f"kick, {name}",
-            eqx.tree_at(lambda d: d.kick, nothing, jnp.array(direction)),
-            GREATEST_KICK,
-            "rad/s",
+            f"kick, {kick.name}",
+            eqx.tree_at(lambda d: d.kick, nothing, jnp.array(kick.direction)),
+            kick.greatest,
+            kick.unit,
         )
-        for name, direction in _KICKS.items()
+        for kick in known.kicks
     ]
-
-
-def _errors() -> list[tuple[str, Disturbance, float, str]]:
-    nothing = jax.tree.map(lambda leaf: jnp.zeros_like(leaf, jnp.float32), undisturbed())
-    return [
+    changes = [
         (
-            name,
-            eqx.tree_at(lambda d, field=field: getattr(d, field), nothing, jnp.sign(jnp.float32(greatest))),
-            abs(greatest),
-            "rad" if field == "slope" else "of nominal",
+            change.name,
+            eqx.tree_at(
+                lambda d, what=change.what: d.changes[what], nothing, jnp.sign(jnp.float32(change.greatest))
+            ),
+            abs(change.greatest),
+            change.unit,
         )
-        for name, (field, greatest) in _ERRORS.items()
+        for change in known.changes
     ]
+    return [*kicks, *changes]
 
 
 def _stacked_along(
-    directions: list[tuple[str, Disturbance, float, str]], amounts: Float[np.ndarray, "directions levels"]
+    plant: Plant,
+    directions: list[tuple[str, Disturbance, float, str]],
+    amounts: Float[np.ndarray, "directions levels"],
 ) -> Disturbance:
     """Every direction at every of its amounts, flat."""
     unit = jax.tree.map(lambda *leaves: np.stack(leaves), *[direction for _, direction, _, _ in directions])
@@ -144,15 +119,16 @@ def _stacked_along(
         steps = amounts.reshape(*amounts.shape, *[1] * nominal.ndim) * np.asarray(change)[:, None]
         return (np.asarray(nominal) + steps).reshape(-1, *nominal.shape).astype(nominal.dtype)
 
-    return jax.tree.map(along, undisturbed(), unit)
+    return jax.tree.map(along, undisturbed(plant), unit)
 
 
-def _noise_and_delay(loop: Loop, clock: Clock, y: Float[Array, "3"]) -> tuple[float, bool]:
+def _noise_and_delay(loop: ClosedLoop, clock: Clock, y: Float[Array, " section"]) -> tuple[float, bool]:
     """The greatest noise of a ladder up to which enough seeds are up, and whether lateness is survived."""
-    levels = len(_KICKS) + len(_ERRORS)
+    levels = NOISE_LEVELS
     amounts = np.concatenate([[0.0], np.geomspace(LEAST_NOISE, GREATEST_NOISE, levels - 1)])
     many = jax.tree.map(
-        lambda leaf: np.tile(np.asarray(leaf), (levels * NOISE_SEEDS, *[1] * leaf.ndim)), undisturbed()
+        lambda leaf: np.tile(np.asarray(leaf), (levels * NOISE_SEEDS, *[1] * leaf.ndim)),
+        undisturbed(loop.plant),
     )
     seeds = np.tile(np.arange(NOISE_SEEDS), levels)
     late = np.zeros(levels * NOISE_SEEDS, bool)
@@ -167,7 +143,7 @@ def _noise_and_delay(loop: Loop, clock: Clock, y: Float[Array, "3"]) -> tuple[fl
 
 
 def _survives(
-    loop: Loop, clock: Clock, y: Float[Array, "3"], disturbances: Disturbance, seeds: np.ndarray
+    loop: ClosedLoop, clock: Clock, y: Float[Array, " section"], disturbances: Disturbance, seeds: np.ndarray
 ) -> np.ndarray:
     """Whether each disturbance is survived."""
     seconds = _seconds_up(loop, clock, y, jax.tree.map(jnp.asarray, disturbances), jnp.asarray(seeds))
@@ -176,9 +152,9 @@ def _survives(
 
 @eqx.filter_jit
 def _seconds_up(
-    loop: Loop,
+    loop: ClosedLoop,
     clock: Clock,
-    y: Float[Array, "3"],
+    y: Float[Array, " section"],
     disturbances: Disturbance,
     seeds: Int[Array, " disturbances"],
 ) -> Float[Array, " disturbances"]:
