@@ -174,7 +174,7 @@ class EnvironmentProblem(Problem):
     env_options: Mapping[str, Any] = field(default_factory=dict, hash=False)
     """Further arguments of `gymnasium.make`."""
     signals: Mapping[str, Any] = field(default_factory=dict, hash=False)
-    """Where signals are found, as `signal_sources` takes it; the others are those of the environment's pack."""
+    """Where signals are found, as `signal_sources` takes it; others are those of the pack."""
     dt: float | None = None
     """Time between two steps [s]; by default what the environment says."""
     on_nan: OnNaN = "raise"

@@ -94,6 +94,7 @@ class Plant(Dynamics):
     section_names: ClassVar[tuple[str, ...]] = ()
     """Coordinates on the touchdown section; empty if the plant gives no chart of it."""
     section_units: ClassVar[tuple[str, ...]] = ()
+    """Of each of them; empty for those that coordinates of the same name have in the state."""
     start_box: ClassVar[tuple[float, ...]] = ()
     """Half the widths of the box around `start` from which the basin is sampled; empty if none is given."""
     section_box: ClassVar[tuple[tuple[float, float], ...]] = ()
@@ -111,6 +112,8 @@ class Plant(Dynamics):
             ("start", state),
             ("state_units", state if self.state_units else 0),
             ("control_units", control if self.control_units else 0),
+            ("actuators", control if self.actuators else 0),
+            ("section_units", section if self.section_units else 0),
             ("start_box", state if self.start_box else 0),
             ("section_box", section),
             ("section_near", section),

@@ -21,7 +21,8 @@ def section_labels(plant: Plant) -> str:
 
 def section_units(plant: Plant) -> tuple[str, ...]:
     """The unit of each of the section's coordinates; empty where the plant gives none."""
-    return plant.section_units or ("",) * len(plant.section_names)
+    in_state = dict(zip(plant.state_names, plant.state_units, strict=False))
+    return plant.section_units or tuple(in_state.get(name, "") for name in plant.section_names)
 
 
 def with_units(names: Sequence[str], units: Sequence[str]) -> str:

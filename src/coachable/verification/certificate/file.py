@@ -21,7 +21,7 @@ from coachable.verification.gait.closed_loop import ClosedLoop
 
 FORMAT, FORMAT_VERSION = "coachable certificate", 1
 PARTS = ("about", "plant", "controller", "box", "strides", "method")
-"""What a certificate consists of; each has a hash. `about` says whose it is, and no proof depends on it."""
+"""What a certificate consists of; each has a hash. `about` names whose it is, and no proof depends on it."""
 
 
 @dataclass(frozen=True)

@@ -81,12 +81,12 @@ def propose(
 ) -> Proposal:
     """Look for the largest box around a periodic orbit under the touchdown clock that the checker proves.
 
-    Its axes are the eigenvectors of DPᵏ. A first small one tells whether there is a kink at the orbit; the
+    Its axes are the eigenvectors of DPᵏ. A first small one shows whether there is a kink at the orbit; the
     others follow how images' reach grows with the radius.
 
     **Arguments:** `orbit`, a periodic one of this loop; `about`, what to write of whose certificate it is;
     `seconds`, after which no more is tried; `subdivisions` along each axis; `progress`, called with the
-    fraction of time gone.
+    fraction of the time used.
 
     **Raises:** `ParameterError` for a walker that certificates are not made for.
     """
