@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from coachable.automata.tracker import Tracker
 from coachable.behaviours.expressions import Constant, Floats, Number, Variable
-from coachable.behaviours.predicates import OPERATORS, All, Comparison, Not, Predicate, decision
+from coachable.behaviours.predicates import OPERATORS, All, Comparison, Not, Predicate, decision, flattened
 from coachable.behaviours.rewriting import expanded
 
 Holds = Callable[[Any, float], bool]
@@ -35,11 +35,11 @@ class DecisionDiagram:
         self._outside = tracker.classifier.outside
         self._questions: dict[Candidates, _Question] = {}
         phases = tuple(
-            (tuple(_conjuncts(expanded(predicate))), index)
+            (tuple(flattened(All, expanded(predicate))), index)
             for index, predicate in enumerate(tracker.classifier.predicates)
         )
         self._first = [
-            self._question(phases if stays is None else ((tuple(_conjuncts(stays)), index), *phases))
+            self._question(phases if stays is None else ((tuple(flattened(All, stays)), index), *phases))
             # Nobody stays outside, or where nothing was seen yet.
             for index, stays in enumerate((*tracker.staying, None, None))
         ]
@@ -106,14 +106,6 @@ def _asked(candidates: Candidates) -> Predicate:
     """The first predicate that the first candidate depends on; a `Not` is the answer to its part."""
     condition = candidates[0][0][0]
     return condition.part if isinstance(condition, Not) else condition
-
-
-def _conjuncts(predicate: Predicate) -> Iterator[Predicate]:
-    if isinstance(predicate, All):
-        for part in predicate.parts:
-            yield from _conjuncts(part)
-    else:
-        yield predicate
 
 
 class _AsInColumns:

@@ -11,8 +11,9 @@ from jaxtyping import Bool, Float, Int
 
 from coachable.automata.classifier import Classifier, array_library, holds_at
 from coachable.behaviours.behaviour import Behaviour, Dwell, Phase
-from coachable.behaviours.predicates import Comparison, Predicate, subpredicates
+from coachable.behaviours.predicates import Comparison, Predicate
 from coachable.behaviours.rewriting import expanded, widened
+from coachable.behaviours.tree import walk
 
 CLOCK_TOLERANCE = 1e-3
 """A dwell time is violated only by more than this share of a sample: sums of steps are not exact."""
@@ -176,8 +177,8 @@ class Tracker:
 def has_deadband(predicate: Predicate) -> bool:
     """Whether any comparison in it has a deadband."""
     return any(
-        isinstance(part, Comparison) and part.deadband is not None and part.deadband.value > 0
-        for part in subpredicates(expanded(predicate))
+        comparison.deadband is not None and comparison.deadband.value > 0
+        for comparison in walk(expanded(predicate), Comparison)
     )
 
 

@@ -18,7 +18,6 @@ from coachable.behaviours.expressions import (
     Number,
     Variable,
     evaluate,
-    subexpressions,
 )
 from coachable.behaviours.predicates import (
     All,
@@ -33,6 +32,7 @@ from coachable.behaviours.predicates import (
     holds,
 )
 from coachable.behaviours.rewriting import conjuncts, widened
+from coachable.behaviours.tree import fold, walk
 
 
 class Kind(enum.Enum):
@@ -166,21 +166,21 @@ def seconds(time: float) -> str:
 
 
 def _varies(expression: Expression) -> bool:
-    return any(isinstance(part, Variable) for part in subexpressions(expression))
+    return any(walk(expression, Variable))
 
 
 def _unit(expression: Expression, units: Mapping[str, str]) -> str:
     """The unit of an expression as far as it can be read off; products are left to the checker."""
-    match expression:
-        case Variable(signal):
-            return units[signal]
-        case Number(unit=unit) | Constant(number=Number(unit=unit)):
-            return unit
-        case Negative(operand):
-            return _unit(operand, units)
-        case Arithmetic(left, "+" | "-", right):
-            return _unit(left, units) or _unit(right, units)
-        case Call("abs" | "min" | "max", arguments):
-            return next(filter(None, (_unit(argument, units) for argument in arguments)), "")
-        case _:
-            return ""
+
+    def unit_of(node: Expression, operands: list[str]) -> str:
+        match node:
+            case Variable(signal):
+                return units[signal]
+            case Number(unit=unit) | Constant(number=Number(unit=unit)):
+                return unit
+            case Negative() | Arithmetic(operator="+" | "-") | Call(function="abs" | "min" | "max"):
+                return next(filter(None, operands), "")
+            case _:
+                return ""
+
+    return fold(expression, unit_of)

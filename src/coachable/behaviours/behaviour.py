@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
-from coachable.behaviours.expressions import Constant, Expression, Variable, subexpressions
+from coachable.behaviours.expressions import Constant, Expression, Variable
 from coachable.behaviours.predicates import (
     Phrase,
     Predicate,
@@ -20,6 +20,7 @@ from coachable.behaviours.predicates import (
     signals_of,
 )
 from coachable.behaviours.rewriting import unwrapped
+from coachable.behaviours.tree import walk
 from coachable.foundation.errors import BehaviourError
 from coachable.foundation.suggestion import suggestion
 
@@ -153,8 +154,7 @@ class Behaviour:
                 for end in (edge.source, edge.target):
                     _require_known(f"edge {edge}: unknown phase", end, self.phase_names)
                 for assignment in edge.reset:
-                    nodes = subexpressions(assignment.expression)
-                    read = [node.signal for node in nodes if isinstance(node, Variable)]
+                    read = [variable.signal for variable in walk(assignment.expression, Variable)]
                     for signal in (assignment.signal, *read):
                         _require_known(f"edge {edge}: unknown signal", signal, self.signal_names)
             for cycle in self.cycles:
@@ -174,8 +174,7 @@ class Behaviour:
             constants |= dict.fromkeys(constants_of(phase.predicate))
         for edge in self.edges:
             for assignment in edge.reset:
-                nodes = subexpressions(assignment.expression)
-                constants |= dict.fromkeys(node for node in nodes if isinstance(node, Constant))
+                constants |= dict.fromkeys(walk(assignment.expression, Constant))
         object.__setattr__(self, "phases", phases)
         object.__setattr__(self, "vocabulary", tuple(vocabulary))
         object.__setattr__(self, "constants", tuple(constants))

@@ -9,17 +9,18 @@ from __future__ import annotations
 import math
 import operator
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from types import MappingProxyType
 
 from coachable.behaviours.names import flaw_of_name, flaw_of_unit
+from coachable.behaviours.tree import Node, fold
 from coachable.foundation.errors import BehaviourError
 
 
 @dataclass(frozen=True)
-class Number:
+class Number(Node):
     """A number as it is written, with the unit behind it if there is one.
 
     **Raises:** `BehaviourError` if it is not finite, or if its unit cannot be written in brackets.
@@ -41,7 +42,7 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Variable:
+class Variable(Node):
     """The value of a signal."""
 
     signal: str
@@ -51,7 +52,7 @@ class Variable:
 
 
 @dataclass(frozen=True)
-class Constant:
+class Constant(Node):
     """A number with a name, such as `max_lean = 0.3 [rad]`; it prints as its name.
 
     **Raises:** `BehaviourError` for a name that could not be written in an expression.
@@ -70,8 +71,10 @@ class Constant:
 
 
 @dataclass(frozen=True)
-class Negative:
+class Negative(Node):
     """The negative of its operand."""
+
+    CHILDREN = ("operand",)
 
     operand: Expression
 
@@ -82,11 +85,13 @@ class Negative:
 
 
 @dataclass(frozen=True)
-class Arithmetic:
+class Arithmetic(Node):
     """`left operator right`, with one of + - * /; division by zero gives an infinity or NaN, as in IEEE 754.
 
     **Raises:** `BehaviourError` for an unknown operator.
     """
+
+    CHILDREN = ("left", "right")
 
     left: Expression
     operator: str
@@ -106,11 +111,13 @@ class Arithmetic:
 
 
 @dataclass(frozen=True, init=False)
-class Call:
+class Call(Node):
     """`function(arguments)`: sin, cos and abs of one argument, min and max of two or more.
 
     **Raises:** `BehaviourError` for an unknown function or the wrong number of arguments.
     """
+
+    CHILDREN = ("arguments",)
 
     function: str
     arguments: tuple[Expression, ...]
@@ -208,26 +215,27 @@ def compiled(
     **Returns:** the number that it is, the same one whatever library the signals are in, if it is made of
     numbers alone; otherwise a function of the signals' values.
     """
-    match expression:
-        case Number(value):
-            return value
-        case Constant(number=number):
-            return number.value
-        case Variable(signal):
-            return operator.itemgetter(places.get(signal, signal))
-        case Negative(operand):
-            return applied(operator.neg, compiled(operand, functions, places))
-        case Arithmetic(left, symbol, right):
-            operands = (compiled(operand, functions, places) for operand in (left, right))
-            return applied(_ARITHMETIC[symbol], *operands)
-        case Call(function, arguments):
-            operands = [compiled(argument, functions, places) for argument in arguments]
 
-            def call(*operands: typing.Any) -> typing.Any:
-                numbers = not any(map(callable, operands))
-                return applied(getattr(Floats if numbers else functions, FUNCTIONS[function]), *operands)
+    def call(function: str, *operands: typing.Any) -> typing.Any:
+        numbers = not any(map(callable, operands))
+        return applied(getattr(Floats if numbers else functions, FUNCTIONS[function]), *operands)
 
-            return reduce(call, operands) if len(operands) > 1 else call(*operands)
+    def value(node: Expression, operands: list[typing.Any]) -> typing.Any:
+        match node:
+            case Number(number) | Constant(number=Number(number)):
+                return number
+            case Variable(signal):
+                return operator.itemgetter(places.get(signal, signal))
+            case Negative():
+                return applied(operator.neg, *operands)
+            case Arithmetic(operator=symbol):
+                return applied(_ARITHMETIC[symbol], *operands)
+            case Call(function) if len(operands) > 1:
+                return reduce(partial(call, function), operands)
+            case Call(function):
+                return call(function, *operands)
+
+    return fold(expression, value)
 
 
 def applied(operation: Callable, *operands: typing.Any) -> typing.Any:
@@ -243,35 +251,6 @@ def applied(operation: Callable, *operands: typing.Any) -> typing.Any:
             return lambda values: operation(x, y(values))
         case _:
             return operation(*operands)
-
-
-def subexpressions(expression: Expression) -> Iterator[Expression]:
-    """The expression and all that it is made of, from the outside in, from left to right."""
-    yield expression
-    match expression:
-        case Negative(operand):
-            yield from subexpressions(operand)
-        case Arithmetic(left, _, right):
-            yield from subexpressions(left)
-            yield from subexpressions(right)
-        case Call(arguments=arguments):
-            for argument in arguments:
-                yield from subexpressions(argument)
-
-
-def rewritten(
-    expression: Expression, change: Callable[[Number | Variable | Constant], Expression]
-) -> Expression:
-    """The expression with every number, signal and constant in it replaced by what `change` makes of it."""
-    match expression:
-        case Negative(operand):
-            return Negative(rewritten(operand, change))
-        case Arithmetic(left, symbol, right):
-            return Arithmetic(rewritten(left, change), symbol, rewritten(right, change))
-        case Call(function, arguments):
-            return Call(function, *(rewritten(argument, change) for argument in arguments))
-        case _:
-            return change(expression)
 
 
 def expression_of(value: Expression | str | int | float) -> Expression:

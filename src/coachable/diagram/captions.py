@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from coachable.behaviours.behaviour import Behaviour, Dwell, Edge, Phase
-from coachable.behaviours.expressions import Constant, subexpressions
+from coachable.behaviours.expressions import Constant
 from coachable.behaviours.notation import (
     conditions,
     phrases,
@@ -16,14 +16,8 @@ from coachable.behaviours.notation import (
     pretty_name,
     pretty_predicate,
 )
-from coachable.behaviours.predicates import (
-    Between,
-    Comparison,
-    Phrase,
-    Predicate,
-    expressions_of,
-    subpredicates,
-)
+from coachable.behaviours.predicates import Between, Comparison, Phrase, Predicate
+from coachable.behaviours.tree import walk
 from coachable.diagram.lettering import Line, text_width
 
 RESETS: Mapping[str, Mapping[str, str]] = MappingProxyType(
@@ -57,9 +51,7 @@ def node_lines(phase: Phase, in_words: bool) -> list[Line]:
 def speaks_in_words(behaviour: Behaviour) -> bool:
     """Whether the invariants are better said in phrases: where there are some, and formulas would not fit."""
     predicates = [phase.predicate for phase in behaviour.phases]
-    written = all(
-        any(isinstance(part, Phrase) for part in subpredicates(predicate)) for predicate in predicates
-    )
+    written = all(any(walk(predicate, Phrase)) for predicate in predicates)
     return written and any(
         len(_formula(predicate)) > _MOST_LINES
         or any(text_width(pretty_predicate(part)) > _WIDEST for part in conditions(predicate))
@@ -121,13 +113,7 @@ def balanced(text: str, num_letters: int) -> list[str]:
 
 def _notes(behaviour: Behaviour) -> Iterator[str]:
     predicates = [phase.predicate for phase in behaviour.phases]
-    nodes = [
-        node
-        for predicate in predicates
-        for expression in expressions_of(predicate)
-        for node in subexpressions(expression)
-    ]
-    constants = dict.fromkeys(node for node in nodes if isinstance(node, Constant))
+    constants = dict.fromkeys(constant for predicate in predicates for constant in walk(predicate, Constant))
     if constants:
         values = (
             f"{pretty_name(constant.name)} = {pretty_expression(constant.number)}"
@@ -135,8 +121,8 @@ def _notes(behaviour: Behaviour) -> Iterator[str]:
             for constant in constants
         )
         yield ", ".join(values)
-    parts = (part for predicate in predicates for part in subpredicates(predicate))
-    if any(isinstance(part, Comparison | Between) and part.deadband is not None for part in parts):
+    compared = (part for predicate in predicates for part in walk(predicate, Comparison, Between))
+    if any(part.deadband is not None for part in compared):
         yield "(±…) is a deadband: the phase is left only where its boundary is passed by more."
     if behaviour.outside is not None:
         yield f"In no phase: {behaviour.outside}."

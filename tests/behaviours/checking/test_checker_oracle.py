@@ -10,7 +10,7 @@ from coachable.behaviours.checking.checker import check
 from coachable.behaviours.checking.findings import Report
 from coachable.behaviours.checking.solver.cells import cells_of
 from coachable.behaviours.checking.transitions import Regions, edges
-from coachable.behaviours.predicates import subpredicates
+from coachable.behaviours.tree import walk
 
 THRESHOLDS = (-1.0, 0.0, 1.0)
 AXIS = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)
@@ -100,9 +100,7 @@ def test_overlaps_empty_phases_gaps_and_touching_are_those_of_exhaustion(predica
 @given(st.lists(PREDICATES, min_size=1, max_size=3))
 def test_cells_are_counted_as_exhaustion_counts_them(predicates):
     behaviour = described(predicates)
-    comparisons = [
-        part for predicate in predicates for part in subpredicates(predicate) if isinstance(part, Comparison)
-    ]
+    comparisons = [part for predicate in predicates for part in walk(predicate, Comparison)]
     sides = {cell: tuple(holds(comparison, values(cell)) for comparison in comparisons) for cell in GRID}
     outside = {
         sides[cell]

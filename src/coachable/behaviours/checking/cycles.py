@@ -18,8 +18,9 @@ from coachable.behaviours.checking.solver.affine import affine, decimal, is_affi
 from coachable.behaviours.checking.solver.encoding import State, exact
 from coachable.behaviours.checking.transitions import Regions, rates_of
 from coachable.behaviours.expressions import Arithmetic
-from coachable.behaviours.predicates import OPERATORS, Comparison, subpredicates
+from coachable.behaviours.predicates import OPERATORS, Comparison
 from coachable.behaviours.rewriting import expanded, widened
+from coachable.behaviours.tree import walk
 
 Bounds = tuple[tuple[str, Fraction | None, Fraction | None], ...]
 """Signals, each with the least and the greatest rate that it has in a phase."""
@@ -29,8 +30,8 @@ def bounds_of(behaviour: Behaviour, phase: Phase) -> Bounds:
     """How slowly and how fast signals change in a phase, where its comparisons bound their derivatives."""
     lasting = expanded(widened(phase.predicate))
     levels: dict[str, set[Fraction]] = {}
-    for part in subpredicates(lasting):
-        if isinstance(part, Comparison) and is_affine(difference := Arithmetic(part.left, "-", part.right)):
+    for comparison in walk(lasting, Comparison):
+        if is_affine(difference := Arithmetic(comparison.left, "-", comparison.right)):
             multiples, number = affine(difference)
             used = [(signal, multiple) for signal, multiple in multiples.items() if multiple]
             if len(used) == 1:

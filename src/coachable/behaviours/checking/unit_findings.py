@@ -16,7 +16,6 @@ from coachable.behaviours.expressions import (
     Negative,
     Number,
     Variable,
-    subexpressions,
 )
 from coachable.behaviours.predicates import (
     All,
@@ -25,11 +24,9 @@ from coachable.behaviours.predicates import (
     Comparison,
     Near,
     Not,
-    Phrase,
     Predicate,
-    expressions_of,
-    subpredicates,
 )
+from coachable.behaviours.tree import children, walk
 from coachable.foundation.errors import BehaviourError
 
 Measure = Unit | None
@@ -47,10 +44,7 @@ def unit_mismatches(behaviour: Behaviour) -> Iterator[Result]:
     for signal in behaviour.signals:
         if signal.derivative_of is not None:
             found += _of_derivative(behaviour, signal.name, signal.derivative_of, units)
-    phrases = {phrase.words: phrase for phrase in behaviour.vocabulary}
-    for phase in behaviour.phases:
-        phrases.update({phrase.words: phrase for phrase in _phrases_in(phase.predicate)})
-    places = [(Subject("phrase", words), phrase.predicate) for words, phrase in phrases.items()]
+    places = [(Subject("phrase", phrase.words), phrase.predicate) for phrase in behaviour.vocabulary]
     places += [(Subject("phase", phase.name), phase.predicate) for phase in behaviour.phases]
     for subject, predicate in places:
         ledger = Ledger(subject, units, [])
@@ -87,13 +81,9 @@ class Ledger:
             case Near(value, target, tolerance):
                 self.meet(value, target, str(predicate))
                 self.meet(value, tolerance, str(predicate))
-            case Not(part):
-                self.check(part)
-            case All(parts=parts) | Any(parts=parts):
-                for part in parts:
+            case Not() | All() | Any():
+                for part in children(predicate):
                     self.check(part)
-            case _:
-                return
 
     def meet(self, one: Expression, other: Expression, where: str) -> Measure:
         """Two expressions that must be in one unit; returns it."""
@@ -179,8 +169,7 @@ def _unreadable(behaviour: Behaviour) -> Iterator[Finding]:
         named += [(subject, number.unit) for number in _numbers_in(predicate)]
     for edge in behaviour.edges:
         for jump in edge.reset:
-            numbers = [node for node in subexpressions(jump.expression) if isinstance(node, Number)]
-            named += [(Subject("edge", str(edge)), number.unit) for number in numbers]
+            named += [(Subject("edge", str(edge)), number.unit) for number in walk(jump.expression, Number)]
     told = set()
     for subject, unit in named:
         if unit in told:
@@ -203,11 +192,8 @@ def _unreadable(behaviour: Behaviour) -> Iterator[Finding]:
 
 
 def _numbers_in(predicate: Predicate) -> Iterator[Number]:
-    for expression in expressions_of(predicate):
-        yield from (node for node in subexpressions(expression) if isinstance(node, Number))
-    for part in subpredicates(predicate):
-        if isinstance(part, Comparison | Between) and part.deadband is not None:
-            yield part.deadband
+    yield from walk(predicate, Number)
+    yield from (part.deadband for part in walk(predicate, Comparison, Between) if part.deadband is not None)
 
 
 def _of_derivative(
@@ -224,17 +210,3 @@ def _of_derivative(
             + (f"and is in [{texts[signal]}]." if texts[signal] else "and has no unit."),
             f"Write {signal} [{texts[derivative_of] or '1'}/s], or take `d/dt {derivative_of}` out.",
         )
-
-
-def _phrases_in(predicate: Predicate) -> Iterator[Phrase]:
-    match predicate:
-        case Phrase(predicate=inner):
-            yield from _phrases_in(inner)
-            yield predicate
-        case Not(part):
-            yield from _phrases_in(part)
-        case All(parts=parts) | Any(parts=parts):
-            for part in parts:
-                yield from _phrases_in(part)
-        case _:
-            return

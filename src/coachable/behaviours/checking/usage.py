@@ -6,23 +6,20 @@ from collections.abc import Iterator
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject
-from coachable.behaviours.expressions import Constant, Expression, Variable, subexpressions
-from coachable.behaviours.predicates import Phrase, expressions_of, subpredicates
+from coachable.behaviours.expressions import Constant, Variable
+from coachable.behaviours.predicates import Phrase
+from coachable.behaviours.tree import Node, walk
 
 
 def unused(behaviour: Behaviour) -> Iterator[Result]:
     """Phrases, constants and signals that no phase and no reset needs."""
-    parts = [part for phase in behaviour.phases for part in subpredicates(phase.predicate)]
-    said = {part.words for part in parts if isinstance(part, Phrase)}
-    expressions: list[Expression] = [
-        expression for phase in behaviour.phases for expression in expressions_of(phase.predicate)
-    ]
-    expressions += [jump.expression for edge in behaviour.edges for jump in edge.reset]
-    nodes = [node for expression in expressions for node in subexpressions(expression)]
-    constants = {node.name for node in nodes if isinstance(node, Constant)}
-    signals = {node.signal for node in nodes if isinstance(node, Variable)}
+    trees: list[Node] = [phase.predicate for phase in behaviour.phases]
+    trees += [jump.expression for edge in behaviour.edges for jump in edge.reset]
+    phrases = {phrase.words for tree in trees for phrase in walk(tree, Phrase)}
+    constants = {constant.name for tree in trees for constant in walk(tree, Constant)}
+    signals = {variable.signal for tree in trees for variable in walk(tree, Variable)}
     for phrase in behaviour.vocabulary:
-        if phrase.words not in said:
+        if phrase.words not in phrases:
             yield Finding(
                 "unused-phrase",
                 "note",

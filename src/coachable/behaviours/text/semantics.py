@@ -31,6 +31,7 @@ from coachable.behaviours.predicates import (
 from coachable.behaviours.text.diagnostics import Mistakes, Place
 from coachable.behaviours.text.mirror import Mirror
 from coachable.behaviours.text.syntax import Statement
+from coachable.behaviours.tree import children, fold
 from coachable.foundation.errors import BehaviourError
 from coachable.foundation.suggestion import suggestion
 
@@ -156,19 +157,11 @@ class Meaning:
 
     def measure(self, predicate: Predicate) -> Measure:
         """The size and depth of a predicate, phrases spelt out."""
-        match predicate:
-            case Phrase(words) if words in self._measures:
-                return _around([self._measures[words]])
-            case Phrase(predicate=inner) | Not(inner):
-                return _around([self.measure(inner)])
-            case All(parts=parts) | Any(parts=parts):
-                return _around(map(self.measure, parts))
-            case Comparison(left=left, right=right):
-                return _around(map(_measure_of, (left, right)))
-            case Between(low=low, middle=middle, high=high):
-                return _around(map(_measure_of, (low, middle, high)))
-            case Near(value, target, tolerance):
-                return _around(map(_measure_of, (value, target, tolerance)))
+        if isinstance(predicate, Phrase) and predicate.words in self._measures:
+            return _around([self._measures[predicate.words]])
+        if isinstance(predicate, Phrase | Not | All | Any):
+            return _around(map(self.measure, children(predicate)))
+        return fold(predicate, lambda _, inner: _around(inner))
 
     def _predicate(self, statement: Statement, tree: Tree | Token) -> Predicate | None:
         match tree:
@@ -301,19 +294,3 @@ def place_of(statement: Statement, tree: Tree | Token) -> Place:
 def _around(inner: Iterable[Measure]) -> Measure:
     sizes, depths = zip((0, 0), *inner, strict=True)
     return sum(sizes) + 1, max(depths) + 1
-
-
-def _measure_of(expression: Expression) -> Measure:
-    # Without recursion: this is what keeps everything else from going too deep.
-    size, depth, rest = 0, 0, [(expression, 1)]
-    while rest:
-        node, level = rest.pop()
-        size, depth = size + 1, max(depth, level)
-        match node:
-            case Negative(operand):
-                rest.append((operand, level + 1))
-            case Arithmetic(left, _, right):
-                rest += [(left, level + 1), (right, level + 1)]
-            case Call(arguments=arguments):
-                rest += [(argument, level + 1) for argument in arguments]
-    return size, depth

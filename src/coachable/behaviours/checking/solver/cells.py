@@ -9,8 +9,9 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.checking.solver import smt
 from coachable.behaviours.checking.solver.affine import cut_of, is_affine
 from coachable.behaviours.expressions import Constant, Number, Variable, evaluate
-from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, subpredicates
+from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate
 from coachable.behaviours.rewriting import conjuncts, expanded
+from coachable.behaviours.tree import walk
 
 _MOST_CELLS = 1024
 
@@ -36,7 +37,7 @@ def cells_of(behaviour: Behaviour) -> Cells | None:
     min and max: what the solver finds then need not be all.
     """
     rules = [expanded(phase.predicate) for phase in behaviour.phases]
-    comparisons = [part for rule in rules for part in subpredicates(rule) if isinstance(part, Comparison)]
+    comparisons = [comparison for rule in rules for comparison in walk(rule, Comparison)]
     sides = [side for comparison in comparisons for side in (comparison.left, comparison.right)]
     if not all(is_affine(side, with_corners=True) for side in sides):
         return None

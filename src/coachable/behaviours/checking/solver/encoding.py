@@ -7,10 +7,12 @@ on the unit circle, held by facts that are true of every sine, so what follows f
 from __future__ import annotations
 
 import itertools
+import operator
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 
 import z3
 
@@ -29,11 +31,14 @@ from coachable.behaviours.expressions import (
 )
 from coachable.behaviours.predicates import OPERATORS, All, Any, Comparison, Not, Predicate
 from coachable.behaviours.rewriting import expanded
+from coachable.behaviours.tree import fold
 
 # The solver's own annotations do not know its operators, so its terms are typed by name only.
 Formula = typing.Any
 Real = typing.Any
 Witness = Mapping[str, float]
+
+_ARITHMETIC = {"+": operator.add, "-": operator.sub, "*": operator.mul}
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,36 +119,29 @@ class Encoding:
 
     def value(self, expression: Expression, state: State, divisors: list[Real]) -> Real:
         """The expression as a term; what it divides by is added to `divisors`."""
-        match expression:
-            case Number(value) | Constant(number=Number(value)):
-                return exact(decimal(value))
-            case Variable(signal):
-                return state.symbols[signal]
-            case Negative(operand):
-                return -self.value(operand, state, divisors)
-            case Arithmetic(left, symbol, right):
-                one, other = self.value(left, state, divisors), self.value(right, state, divisors)
-                match symbol:
-                    case "+":
-                        return one + other
-                    case "-":
-                        return one - other
-                    case "*":
-                        return one * other
-                    case _:
-                        divisors.append(other)
-                        return self._quotient(one, other)
-            case Call(function, arguments):
-                terms = [self.value(argument, state, divisors) for argument in arguments]
-                best = terms[0]
-                match function:
-                    case "sin" | "cos":
-                        return self._sine_and_cosine(best)[function == "cos"]
-                    case "abs":
-                        return z3.If(best < 0, -best, best)
-                for term in terms[1:]:
-                    best = z3.If((term < best) if function == "min" else (term > best), term, best)
-                return best
+
+        def term(node: Expression, operands: list[Real]) -> Real:
+            match node:
+                case Number(value) | Constant(number=Number(value)):
+                    return exact(decimal(value))
+                case Variable(signal):
+                    return state.symbols[signal]
+                case Negative():
+                    return -operands[0]
+                case Arithmetic(operator="/"):
+                    divisors.append(operands[1])
+                    return self._quotient(*operands)
+                case Arithmetic(operator=symbol):
+                    return _ARITHMETIC[symbol](*operands)
+                case Call("sin" | "cos" as function):
+                    return self._sine_and_cosine(operands[0])[function == "cos"]
+                case Call("abs"):
+                    return z3.If(operands[0] < 0, -operands[0], operands[0])
+                case Call(function):
+                    relation = OPERATORS["<" if function == "min" else ">"]
+                    return reduce(lambda best, other: z3.If(relation(other, best), other, best), operands)
+
+        return fold(expression, term)
 
     def _quotient(self, one: Real, other: Real) -> Real:
         divisor: typing.Any = z3.simplify(other)

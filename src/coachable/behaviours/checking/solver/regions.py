@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from coachable.behaviours.checking.solver.affine import is_affine
@@ -24,8 +24,9 @@ from coachable.behaviours.expressions import (
     Number,
     Variable,
 )
-from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate
-from coachable.behaviours.rewriting import conjuncts, expanded
+from coachable.behaviours.predicates import All, Any, Comparison, Predicate
+from coachable.behaviours.rewriting import expanded, without_negations
+from coachable.behaviours.tree import Node, fold, rewritten, walk
 
 _MOST_TERMS = 64
 _NON_STRICT: Mapping[str, str] = {"<": "<=", ">": ">="}
@@ -109,78 +110,61 @@ def region(predicate: Predicate, rates: Mapping[str, str], refuted: Refuted) -> 
             return None
         return Crossing(comparison, rate, _OUTWARDS[leaving == (comparison.relation == ">")])
 
-    spelt_out = without_corners(expanded(predicate))
-    if _count(spelt_out, True) > _MOST_TERMS:
+    spelt_out = without_negations(without_corners(expanded(predicate)))
+    if _count(spelt_out) > _MOST_TERMS:
         return Region((Term(predicate, relaxed(predicate)),), False, crossings, refuted)
     terms = []
-    for comparisons in map(tuple, map(dict.fromkeys, _alternatives(spelt_out, True))):
+    for comparisons in map(tuple, map(dict.fromkeys, _alternatives(spelt_out))):
         whole = All(*comparisons)
         if not refuted(whole):
             strict = tuple(comparison for comparison in comparisons if comparison.relation in _NON_STRICT)
             terms.append(Term(whole, relaxed(whole), strict))
-    exact = all(is_affine(side) for term in terms for side in _sides(term.predicate))
+    exact = all(
+        is_affine(side)
+        for term in terms
+        for comparison in walk(term.predicate, Comparison)
+        for side in (comparison.left, comparison.right)
+    )
     return Region(tuple(dict.fromkeys(terms)), exact, crossings, refuted)
 
 
 def relaxed(predicate: Predicate) -> Predicate:
     """The predicate with < and > read as <= and >=: it holds at least on the closure."""
-    match predicate:
-        case Comparison(left, relation, right):
-            return Comparison(left, _NON_STRICT.get(relation, relation), right)
-        case All(parts=parts):
-            return All(*map(relaxed, parts))
-        case Any(parts=parts):
-            return Any(*map(relaxed, parts))
-        case Not(Comparison() as comparison):
-            return All(*map(relaxed, _comparisons(Not(comparison))))
-        case Not(All(parts=parts)):
-            return Any(*(relaxed(Not(part)) for part in parts))
-        case Not(Any(parts=parts)):
-            return All(*(relaxed(Not(part)) for part in parts))
-        case Not(Not(part)):
-            return relaxed(part)
-        case other:
-            return relaxed(expanded(other))
+
+    def non_strict(node: Node) -> Predicate | None:
+        match node:
+            case Comparison(left, relation, right):
+                return Comparison(left, _NON_STRICT.get(relation, relation), right)
+
+    return rewritten(without_negations(expanded(predicate)), non_strict)
 
 
-def _count(predicate: Predicate, positive: bool) -> int:
+def _count(predicate: Predicate) -> int:
     """How many conjunctions the disjunctive normal form has."""
     match predicate:
-        case Not(part):
-            return _count(part, not positive)
-        case All(parts=parts) | Any(parts=parts):
-            counts = [_count(part, positive) for part in parts]
-            return sum(counts) if isinstance(predicate, Any) == positive else math.prod(counts)
+        case All(parts=parts):
+            return math.prod(map(_count, parts))
+        case Any(parts=parts):
+            return sum(map(_count, parts))
         case _:
             return 1
 
 
-def _alternatives(predicate: Predicate, positive: bool) -> list[tuple[Comparison, ...]]:
+def _alternatives(predicate: Predicate) -> list[tuple[Comparison, ...]]:
     """The disjunctive normal form: conjunctions, one of which holds where the predicate does."""
-    if _count(predicate, positive) == 0:
+    if _count(predicate) == 0:
         return []
     match predicate:
         case Comparison():
-            return [tuple(_comparisons(predicate if positive else Not(predicate)))]
-        case Not(part):
-            return _alternatives(part, not positive)
-        case All(parts=parts) | Any(parts=parts):
-            inner = [_alternatives(part, positive) for part in parts]
-            if isinstance(predicate, Any) == positive:
-                return [alternative for alternatives in inner for alternative in alternatives]
-            return [tuple(itertools.chain(*chosen)) for chosen in itertools.product(*inner)]
+            return [(predicate,)]
+        case Any(parts=parts):
+            return [alternative for part in parts for alternative in _alternatives(part)]
+        case All(parts=parts):
+            return [
+                tuple(itertools.chain(*chosen)) for chosen in itertools.product(*map(_alternatives, parts))
+            ]
         case other:
-            raise TypeError(f"{other!r} is not expanded")
-
-
-def _comparisons(predicate: Predicate) -> Iterator[Comparison]:
-    return (part for part in conjuncts(predicate) if isinstance(part, Comparison))
-
-
-def _sides(predicate: Predicate) -> Iterator[Expression]:
-    for comparison in _comparisons(predicate):
-        yield comparison.left
-        yield comparison.right
+            raise TypeError(f"{other!r} has negations")
 
 
 def rate_of(expression: Expression, rates: Mapping[str, str]) -> Expression | None:
@@ -188,36 +172,33 @@ def rate_of(expression: Expression, rates: Mapping[str, str]) -> Expression | No
 
     **Arguments:** `rates`: signal → the signal that is its derivative.
     """
-    match expression:
-        case Number() | Constant():
-            return Number(0)
-        case Variable(signal):
-            return Variable(rates[signal]) if signal in rates else None
-        case Negative(operand):
-            rate = rate_of(operand, rates)
-            return None if rate is None else _minus(Number(0), rate)
-        case Arithmetic(left, symbol, right):
-            one, other = rate_of(left, rates), rate_of(right, rates)
-            if one is None or other is None:
-                return None
-            match symbol:
-                case "+":
-                    return _plus(one, other)
-                case "-":
-                    return _minus(one, other)
-                case "*":
-                    return _plus(_times(one, right), _times(left, other))
-                case _:
-                    over = _minus(_times(one, right), _times(left, other))
-                    return over if over == Number(0) else Arithmetic(over, "/", _times(right, right))
-        case Call("sin", (angle,)):
-            rate = rate_of(angle, rates)
-            return None if rate is None else _times(Call("cos", angle), rate)
-        case Call("cos", (angle,)):
-            rate = rate_of(angle, rates)
-            return None if rate is None else _minus(Number(0), _times(Call("sin", angle), rate))
-        case _:
+
+    def rate(node: Expression, inner: list[Expression | None]) -> Expression | None:
+        known = [one for one in inner if one is not None]
+        if len(known) < len(inner):
             return None
+        match node:
+            case Number() | Constant():
+                return Number(0)
+            case Variable(signal):
+                return Variable(rates[signal]) if signal in rates else None
+            case Negative():
+                return _minus(Number(0), *known)
+            case Arithmetic(operator="+"):
+                return _plus(*known)
+            case Arithmetic(operator="-"):
+                return _minus(*known)
+            case Arithmetic(left, "*", right):
+                return _plus(_times(known[0], right), _times(left, known[1]))
+            case Arithmetic(left, _, right):
+                over = _minus(_times(known[0], right), _times(left, known[1]))
+                return over if over == Number(0) else Arithmetic(over, "/", _times(right, right))
+            case Call("sin", (angle,)):
+                return _times(Call("cos", angle), *known)
+            case Call("cos", (angle,)):
+                return _minus(Number(0), _times(Call("sin", angle), *known))
+
+    return fold(expression, rate)
 
 
 def _plus(one: Expression, other: Expression) -> Expression:
