@@ -13,8 +13,9 @@ from pyarrow import csv as pa_csv
 
 from coachable.automata.monitor import Monitor
 from coachable.automata.monitor_report import Report
+from coachable.automata.trace import seconds
 from coachable.automata.trace_file import read_trace
-from coachable.automata.violation import Violation, seconds
+from coachable.automata.violation import Violation
 from coachable.behaviours.behaviour import Behaviour, Edge
 from coachable.foundation.errors import TraceError
 
@@ -42,7 +43,7 @@ def explain(
     violations to keep, `None` for all; `phases`, a CSV file to write, the phase at each moment; `progress`,
     called every some ten thousand rows.
 
-    **Raises:** `TraceError` for a file that `read_trace` or the monitor does not take, or without rows, and
+    **Raises:** `TraceError` for a file that `read_trace` refuses, or without rows, and
     if `phases` is the trace itself.
     """
     if phases is not None and phases.exists() and trace.exists() and phases.samefile(trace):
@@ -50,12 +51,9 @@ def explain(
     monitor, shown = Monitor(behaviour), []
     with _phase_writer(phases, behaviour) as write:
         for chunk in read_trace(trace, behaviour.signals, dt):
-            try:
-                locations, violations = monitor.feed_rows(chunk.times, chunk.values)
-            except TraceError as error:
-                raise TraceError(f"{trace}: {error}") from None
+            locations, violations = monitor.feed_rows(chunk.time, chunk.values)
             shown += violations if limit is None else violations[: max(limit - len(shown), 0)]
-            write(chunk.times, locations)
+            write(chunk.time, locations)
             progress(monitor.report())
     report = monitor.report()
     if not report.samples:

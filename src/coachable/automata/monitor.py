@@ -10,8 +10,9 @@ from jaxtyping import Float, Int
 
 from coachable.automata.decision_diagram import DecisionDiagram
 from coachable.automata.monitor_report import Report, Stays
+from coachable.automata.trace import not_increasing, require_equal_lengths, require_increasing
 from coachable.automata.tracker import CLOCK_TOLERANCE, Tracker
-from coachable.automata.violation import Kind, Violation, seconds
+from coachable.automata.violation import Kind, Violation
 from coachable.behaviours.behaviour import Behaviour, Dwell, Edge
 from coachable.foundation.errors import TraceError
 from coachable.foundation.suggestion import suggestion
@@ -119,7 +120,7 @@ class Monitor:
         names = self.behaviour.phase_names
         return Report(
             behaviour=self.behaviour,
-            samples=int(self._samples_at.sum()),
+            samples=self._num_samples,
             start=None if math.isnan(self._start) else self._start,
             end=None if math.isnan(self._last) else self._last,
             samples_in=dict(zip(names, self._samples_at[:-1].tolist(), strict=True)),
@@ -184,9 +185,9 @@ class Monitor:
     def _sample(self, t: float, values: Mapping[str, float]) -> dict[str, float]:
         self._require_signals(values)
         if not math.isfinite(t):
-            raise TraceError(f"sample {self._number(0)}: its time is not a number")
+            raise TraceError(f"sample {self._num_samples + 1}: its time is not a number")
         if t <= self._last:
-            raise self._backwards(0, self._last, t)
+            raise not_increasing(self._num_samples + 1, self._last, t)
         here = {name: values[name] for name in self.behaviour.signal_names}
         for name, value in here.items():
             try:
@@ -201,17 +202,8 @@ class Monitor:
         self._require_signals(values)
         times = _numbers("the time", times)
         columns = {name: _numbers(f"signal {name}", values[name]) for name in self.behaviour.signal_names}
-        for name, column in columns.items():
-            if column.shape != times.shape:
-                raise TraceError(f"signal {name} has {len(column)} samples, but there are {len(times)} times")
-        if not np.all(np.isfinite(times)):
-            raise TraceError(
-                f"sample {self._number(np.argmin(np.isfinite(times)))}: its time is not a number"
-            )
-        steps = np.diff(times, prepend=-math.inf if math.isnan(self._last) else self._last)
-        if not np.all(steps > 0):
-            row = int(np.argmin(steps > 0))
-            raise self._backwards(row, float(times[row - 1] if row else self._last), float(times[row]))
+        require_equal_lengths(times, columns)
+        require_increasing(times, -math.inf if math.isnan(self._last) else self._last, self._num_samples)
         return times, columns
 
     def _require_signals(self, values: Mapping[str, object]) -> None:
@@ -220,15 +212,9 @@ class Monitor:
                 others = [other for other in values if other not in self.behaviour.signal_names]
                 raise TraceError(f"signal {name} has no value; {suggestion(name, others or values)}")
 
-    def _backwards(self, row: int, last: float, time: float) -> TraceError:
-        return TraceError(
-            f"sample {self._number(row)}: the time goes from {seconds(last)} s to {seconds(time)} s; "
-            f"it must increase from sample to sample"
-        )
-
-    def _number(self, row: int | np.integer) -> int:
-        """Counted from 1 over all that was fed."""
-        return int(self._samples_at.sum()) + int(row) + 1
+    @property
+    def _num_samples(self) -> int:
+        return int(self._samples_at.sum())
 
 
 class _Cycle:

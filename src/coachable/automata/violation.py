@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from coachable.automata.trace import seconds
 from coachable.automata.tracker import has_deadband
 from coachable.behaviours.behaviour import Behaviour, Dwell, Phase
 from coachable.behaviours.expressions import (
@@ -158,11 +159,6 @@ class Violation:
         unit = _unit(subject, units) or _unit(bound, units)
         verb = "fell short of" if above else "exceeded"
         return f"{subject} {verb} its bound {bound} by {amount:.3g} {unit}".rstrip()
-
-
-def seconds(time: float) -> str:
-    """A time to the microsecond, without zeros at the end."""
-    return f"{round(time, 6) + 0.0:.15g}"
 
 
 def _varies(expression: Expression) -> bool:
