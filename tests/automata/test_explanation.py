@@ -156,7 +156,7 @@ def test_dt_takes_the_place_of_a_time_column(walk, tmp_path):
     path = write(tmp_path / "walk.csv", {name: walk[name] for name in NAMES})
     report = explain(WALKING, path, dt=0.5).report
     assert (report.start, report.end) == (0.0, 500.0)
-    with pytest.raises(TraceError, match="there is no column t or time; say with --dt"):
+    with pytest.raises(TraceError, match="there is no column t or time; give the time between two rows"):
         explain(WALKING, path)
 
 

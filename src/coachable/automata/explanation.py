@@ -1,4 +1,4 @@
-"""A recorded trace explained: what `coachable explain` does and prints."""
+"""The explanation of a recorded trace, as `coachable explain` prints it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pyarrow as pa
 from pyarrow import csv as pa_csv
 
 from coachable.automata.monitor import Monitor
-from coachable.automata.monitor_report import Report
+from coachable.automata.monitor_report import MonitorReport
 from coachable.automata.trace import seconds
 from coachable.automata.trace_file import read_trace
 from coachable.automata.violation import Violation
@@ -22,10 +22,10 @@ from coachable.foundation.errors import TraceError
 
 @dataclass(frozen=True)
 class Explanation:
-    """The report on a whole trace, and its first violations, of which one may be enough to see the rest."""
+    """The report on a whole trace, and its first violations."""
 
     trace: str
-    report: Report
+    report: MonitorReport
     shown: tuple[Violation, ...]
 
 
@@ -35,9 +35,9 @@ def explain(
     dt: float | None = None,
     limit: int | None = 20,
     phases: Path | None = None,
-    progress: Callable[[Report], None] = lambda report: None,
+    progress: Callable[[MonitorReport], None] = lambda report: None,
 ) -> Explanation:
-    """Watch a recorded trace from its first row to its last, in constant memory but for what is shown.
+    """Monitor a recorded trace from its first row to its last, in constant memory except for the result.
 
     **Arguments:** `dt`, the time between rows if the file has no time column [s]; `limit`, how many
     violations to keep, `None` for all; `phases`, a CSV file to write, the phase at each moment; `progress`,
@@ -62,7 +62,7 @@ def explain(
 
 
 def as_text(explanation: Explanation) -> str:
-    """The explanation for people."""
+    """The explanation as text."""
     report, behaviour = explanation.report, explanation.report.behaviour
     total = sum(report.violations.values())
     lines = [
@@ -90,7 +90,7 @@ def as_text(explanation: Explanation) -> str:
 
 
 def as_json(explanation: Explanation) -> dict[str, object]:
-    """The explanation for programs; times in seconds."""
+    """The explanation as JSON values; times in seconds."""
     report, behaviour = explanation.report, explanation.report.behaviour
     return {
         "trace": explanation.trace,
@@ -131,7 +131,7 @@ def _violation(violation: Violation) -> dict[str, object]:
     }
 
 
-def _phase_table(report: Report) -> list[str]:
+def _phase_table(report: MonitorReport) -> list[str]:
     width = max(len("phase"), *map(len, report.stays))
     lines = [f"  {'phase':<{width}}  samples  whole stays     mean  shortest   longest [s]"]
     for name, stays in report.stays.items():
@@ -157,7 +157,7 @@ def _walk(cycle: tuple[Edge, ...]) -> str:
 def _phase_writer(
     path: Path | None, behaviour: Behaviour
 ) -> Iterator[Callable[[np.ndarray, np.ndarray], None]]:
-    """What writes down the phase at each moment, if anybody asked for it; outside it is empty."""
+    """A function that writes the phase at each sample to a file, if there is one; outside it is empty."""
     if path is None:
         yield lambda times, locations: None
         return

@@ -1,4 +1,4 @@
-"""Watch recorded signals: is this the behaviour, and where is it not?"""
+"""Monitoring of recorded signals: whether they follow a behaviour, and where they do not."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from coachable.automata.decision_diagram import DecisionDiagram
-from coachable.automata.monitor_report import Report, Stays
+from coachable.automata.monitor_report import MonitorReport, Stays
 from coachable.automata.trace import not_increasing, require_equal_lengths, require_increasing
 from coachable.automata.tracker import CLOCK_TOLERANCE, Tracker
 from coachable.automata.violation import Kind, Violation
@@ -21,12 +21,12 @@ Column = Sequence[int | float] | np.ndarray
 
 
 class Monitor:
-    """Watches a trace sample by sample or chunk by chunk, in constant memory; how it is cut changes nothing.
+    """A monitor of a trace, fed sample by sample or in parts, in constant memory; the parts do not matter.
 
-    `Tracker` says where the trace is, deadbands and dwell times included. A violation is what r_or in the
-    variant `stay` punishes, told once where the reward goes on punishing: starting in no phase, leaving all
-    phases (until the trace is back in one), going where no edge leads, leaving a phase too soon, and staying
-    in one too long (until it is left).
+    `Tracker` locates the samples, with deadbands and dwell times. A violation is a step with negative r_or in
+    the variant `stay`, reported once where the reward stays negative: starting in no phase, leaving all
+    phases (until the trace is back in one), a transition without an edge, leaving a phase too soon, and
+    staying in one too long (until it is left).
 
         monitor = Monitor(load_behaviour("compass-walking"))
         for t, x in log:
@@ -52,11 +52,11 @@ class Monitor:
 
     @property
     def phase(self) -> str | None:
-        """The phase at the last sample; `None` outside and before anything was seen."""
+        """The phase at the last sample; `None` outside and before the first sample."""
         return self._name(self._location)
 
     def feed(self, t: float, values: Mapping[str, float]) -> tuple[Violation, ...]:
-        """Watch one sample, and return what was wrong with it.
+        """Process one sample and return its violations.
 
         **Arguments:** `t`, its time [s]; `values`, the signals by name, NaN where one is missing; others than
         the behaviour's are ignored.
@@ -77,7 +77,7 @@ class Monitor:
     def feed_rows(
         self, times: Column, values: Mapping[str, Column]
     ) -> tuple[Int[np.ndarray, " samples"], tuple[Violation, ...]]:
-        """Watch the next samples in a row.
+        """Process the next consecutive samples.
 
         **Arguments:** `times` [s]; `values`, a column for each signal. A sample with a NaN in one of the
         behaviour's signals is in no phase.
@@ -85,7 +85,7 @@ class Monitor:
         **Returns:** the location at each sample, a phase 0 … K−1 or K outside, and the violations in their
         order.
 
-        **Raises:** `TraceError`, and the samples then count as not seen, if a signal has no column, if a
+        **Raises:** `TraceError`, leaving the monitor unchanged, if a signal has no column, if a
         column is not numbers or not as long as `times`, or if times are not finite and increasing.
         """
         times, columns = self._columns(times, values)
@@ -115,10 +115,10 @@ class Monitor:
         self._samples_at += np.bincount(locations, minlength=len(self._samples_at))
         return locations, self._seen(float(times[0]), float(times[-1]), found)
 
-    def report(self) -> Report:
-        """What there is to say about all that was watched so far."""
+    def report(self) -> MonitorReport:
+        """The report on all samples so far."""
         names = self.behaviour.phase_names
-        return Report(
+        return MonitorReport(
             behaviour=self.behaviour,
             samples=self._num_samples,
             start=None if math.isnan(self._start) else self._start,
@@ -134,17 +134,17 @@ class Monitor:
         return self.behaviour.phase_names[location] if location < len(self.behaviour.phases) else None
 
     def _due(self) -> Dwell | None:
-        """The dwell time that says when the trace must have left, unless it was told that it overstays."""
+        """The dwell time that limits the current stay, unless its violation was reported already."""
         dwell = self._dwell()
         return None if dwell is None or self._overdue or math.isinf(dwell.at_most) else dwell
 
     def _overstay(self, time: float, here: dict[str, float]) -> Violation:
-        """The trace is still where it should have left."""
+        """The violation of staying too long."""
         self._overdue = True
         return self._violation(Kind.TOO_LONG, self._location, time, here)
 
     def _move(self, target: int, time: float, tolerance: float, here: dict[str, float]) -> list[Violation]:
-        """The trace goes elsewhere; what is wrong with that."""
+        """Move to another location; the violations of that."""
         source, outside, dwell = self._location, self._tracker.classifier.outside, self._dwell()
         kinds = []
         if source == self._tracker.none_yet:
@@ -157,7 +157,7 @@ class Monitor:
             kinds.append(Kind.TOO_SHORT)
         found = [self._violation(kind, target, time, here) for kind in kinds]
         for cycle in self._cycles:
-            cycle.go((source, target))
+            cycle.advance((source, target))
         if self._entered and source != outside:
             self._stays[source] = self._stays[source].and_one_of(time - self._since)
         self._entered = source != self._tracker.none_yet
@@ -170,7 +170,7 @@ class Monitor:
         return Violation(kind, time, source, self._name(target), duration, here, self.behaviour)
 
     def _seen(self, first: float, last: float, found: list[Violation]) -> tuple[Violation, ...]:
-        """Keep what is kept of all that was watched."""
+        """Record processed samples and their violations."""
         if math.isnan(self._start):
             self._start = first
         self._last = last
@@ -218,19 +218,19 @@ class Monitor:
 
 
 class _Cycle:
-    """Counts how often a closed walk was gone along, from whichever of its edges on."""
+    """Counts completions of a closed walk, starting from any of its edges."""
 
     def __init__(self, edges: list[tuple[int, int]]):
         self.edges = edges
         self.completed = 0
-        self.gone = [0] * len(edges)
-        """For each edge of the walk, how many of its edges in a row end with it just now."""
+        self.progress = [0] * len(edges)
+        """For each edge of the walk, the number of consecutive edges taken that end with it."""
 
-    def go(self, move: tuple[int, int]) -> None:
-        self.gone = [self.gone[i - 1] + 1 if edge == move else 0 for i, edge in enumerate(self.edges)]
-        if self.gone and max(self.gone) == len(self.edges):
+    def advance(self, move: tuple[int, int]) -> None:
+        self.progress = [self.progress[i - 1] + 1 if edge == move else 0 for i, edge in enumerate(self.edges)]
+        if self.progress and max(self.progress) == len(self.edges):
             self.completed += 1
-            self.gone = [0] * len(self.edges)
+            self.progress = [0] * len(self.edges)
 
 
 def _pairs(behaviour: Behaviour, edges: Sequence[Edge]) -> list[tuple[int, int]]:

@@ -116,7 +116,7 @@ def _columns(path: Path, names: list[str], signals: tuple[Signal, ...], *, with_
         times = sorted((name for name in TIME_NAMES if name in found), key=own.__contains__)
         if not times:
             raise TraceError(
-                f"{path}: there is no column t or time; say with --dt how many seconds lie between two rows"
+                f"{path}: there is no column t or time; give the time between two rows with --dt [s]"
             )
         columns[""] = column_of("the time", times[0], "s")
     for signal in signals:

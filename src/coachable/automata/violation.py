@@ -1,4 +1,4 @@
-"""What a trace did that its behaviour does not allow, and why, in words."""
+"""Violations of a behaviour by a trace, with their reasons in words."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from coachable.behaviours.tree import fold, walk
 
 
 class Kind(enum.Enum):
-    """In which way a trace leaves its behaviour."""
+    """The kind of a violation."""
 
     START_OUTSIDE = "starts in no phase"
     LEFT = "leaves all phases"
@@ -65,7 +65,7 @@ class Violation:
 
     @property
     def sentence(self) -> str:
-        """When, what and why, for people."""
+        """The time, the violation and its reason in words."""
         return f"t = {seconds(self.time)} s: {self._what()}"
 
     def _what(self) -> str:
@@ -166,7 +166,7 @@ def _varies(expression: Expression) -> bool:
 
 
 def _unit(expression: Expression, units: Mapping[str, str]) -> str:
-    """The unit of an expression as far as it can be read off; products are left to the checker."""
+    """The unit of an expression without products, which are left to the checker."""
 
     def unit_of(node: Expression, operands: list[str]) -> str:
         match node:

@@ -1,7 +1,7 @@
 """Expressions over named signals: numbers, signals, named constants and arithmetic.
 
-An expression is a frozen value. Units are for the reader and the checker: what an expression evaluates to is
-arithmetic on the numbers as they are written, and nothing is converted.
+An expression is a frozen value. Units are for the reader and the checker: evaluation is arithmetic on the
+numbers as they are written, without conversion.
 """
 
 from __future__ import annotations
@@ -155,11 +155,11 @@ _ARITHMETIC: Mapping[str, Callable] = MappingProxyType(
 FUNCTIONS: Mapping[str, str] = MappingProxyType(
     {"sin": "sin", "cos": "cos", "abs": "abs", "min": "minimum", "max": "maximum"}
 )
-"""What each function is called in NumPy, JAX and torch: the only such table in the library."""
+"""The name of each function in NumPy, JAX and torch: the only such table in the library."""
 
 
 class Floats:
-    """The functions on plain floats, under the names that the array libraries give them."""
+    """The functions on plain floats, under their names in the array libraries."""
 
     @staticmethod
     def sin(x: float) -> float:
@@ -194,13 +194,13 @@ Values = Mapping[str, typing.Any]
 def evaluate(expression: Expression, values: Values, functions: typing.Any = Floats) -> typing.Any:
     """The value of an expression at the given signal values.
 
-    **Arguments:** `values`: floats, or arrays of any one library; `functions`: where that library keeps
+    **Arguments:** `values`: floats, or arrays of any one library; `functions`: the namespace with
     the functions of `FUNCTIONS`: `numpy`, `jax.numpy`, `torch`; for plain floats it can be left out.
 
     **Raises:** `KeyError` for a signal without a value.
     """
-    worth = compiled(expression, functions)
-    return worth(values) if callable(worth) else worth
+    value = compiled(expression, functions)
+    return value(values) if callable(value) else value
 
 
 def compiled(
@@ -208,12 +208,12 @@ def compiled(
     functions: typing.Any = Floats,
     places: Mapping[str, int] = MappingProxyType({}),
 ) -> float | Callable[[typing.Any], typing.Any]:
-    """What `evaluate` does with an expression, worked out but for the signals' values.
+    """An expression as a function of the signals' values, for repeated evaluation.
 
     **Arguments:** `places`: where in a row each signal's value is, for values that come in a row.
 
-    **Returns:** the number that it is, the same one whatever library the signals are in, if it is made of
-    numbers alone; otherwise a function of the signals' values.
+    **Returns:** a function of the signals' values; for an expression of numbers alone, its value, which does
+    not depend on the library.
     """
 
     def call(function: str, *operands: typing.Any) -> typing.Any:

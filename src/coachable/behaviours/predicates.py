@@ -1,6 +1,6 @@
 """Predicates over named signals: comparisons of expressions, joined by and, or and not.
 
-A predicate is a frozen value. It says nothing about where its signals come from, so one description serves a
+A predicate is a frozen value. It does not depend on the source of its signals, so one description serves a
 plain mapping of floats, NumPy arrays and traced JAX arrays alike.
 """
 
@@ -32,15 +32,15 @@ from coachable.foundation.errors import BehaviourError
 OPERATORS: Mapping[str, Callable] = MappingProxyType(
     {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 )
-"""What each relation means: the only such table in the library."""
+"""The function of each relation: the only such table in the library."""
 
 MIRRORED: Mapping[str, str] = MappingProxyType({"<": ">", "<=": ">=", ">": "<", ">=": "<="})
-"""The relation between the same two sides, the other way round."""
+"""The same relation with its sides exchanged."""
 
 
 @dataclass(frozen=True)
 class Signal:
-    """A named number that a behaviour talks about.
+    """A named number that a behaviour refers to.
 
     **Arguments:** `name`, a Python identifier; `unit`, such as `"rad/s"`; `description`, one line;
     `derivative_of`, the name of the signal whose derivative in time this one is, if it is one.
@@ -66,9 +66,9 @@ class Signal:
 class Comparison(Node):
     """`left relation right`, such as `theta_1 > 0`; both sides are in one unit.
 
-    A `deadband`, in that unit, keeps a phase from flickering at the boundary: whoever is in the phase leaves
-    it only where the comparison fails by more than the deadband. That takes memory, so `holds` ignores it;
-    see `widened`.
+    A `deadband`, in that unit, keeps a phase from flickering at the boundary: once in the phase, a
+    trajectory leaves it only where the comparison fails by more than the deadband. That takes memory, so
+    `holds` ignores it; see `widened`.
 
     **Arguments:** a name stands for a signal and a plain number for a `Number`.
 
@@ -172,7 +172,7 @@ class Near(Node):
 
 @dataclass(frozen=True)
 class Phrase(Node):
-    """A predicate under the words that a coach has for it; it prints as the words.
+    """A predicate under a name of several words; it prints as the words.
 
     **Raises:** `BehaviourError` if `words` are not words with single spaces between them, or one of them is a
     word of the language, such as `and`.
@@ -262,7 +262,7 @@ def holds(predicate: Predicate, values: Values, functions: typing.Any = Floats) 
 
     The values may be floats or arrays of any library with elementwise `<`, `&`, `|` and `^`; for floats
     the answer is a `bool`, for arrays an array of booleans. Comparisons with NaN are false, as in IEEE
-    754, and so a `Not` around one is true: whoever needs a NaN to mean "nowhere" says so, as
+    754, and so a `Not` around one is true: callers that put a NaN outside all phases test for it, as
     `Behaviour.phase_at` does. `functions` is as in `evaluate`.
 
     **Raises:** `KeyError` for a signal without a value.
@@ -275,10 +275,10 @@ def decision(
     functions: typing.Any = Floats,
     places: Mapping[str, int] = MappingProxyType({}),
 ) -> Decision:
-    """What `holds` does with a predicate, worked out but for the signals' values, for whoever asks often.
+    """A predicate as a function of the signals' values, for repeated evaluation.
 
-    `functions` is as in `evaluate`, `places` as in `compiled`. For floats no more is asked than it takes to
-    decide, so a value that is missing need not be missed.
+    `functions` is as in `evaluate`, `places` as in `compiled`. For floats, evaluation stops once the result
+    is decided, so a missing value need not raise.
     """
     match predicate:
         case Comparison(left=left, relation=relation, right=right):
@@ -308,11 +308,11 @@ def flattened(kind: type[All | Any], predicate: Predicate) -> Iterator[Predicate
 
 
 def _in_turn(join: Callable, decisions: Sequence[Decision]) -> Decision:
-    """Decisions joined by `and` or `or`: over, for floats, with the first that decides it."""
+    """Decisions joined by `and` or `or`; for floats, the first decisive one ends the evaluation."""
     if len(decisions) == 1:
         return decisions[0]
     neutral = join is operator.and_
-    # Only Python's own answers are one of its two booleans: an array of them is asked to the end.
+    # Only a Python boolean can be decisive: arrays are evaluated to the end.
     decisive = not neutral
 
     def decide(values: typing.Any) -> typing.Any:

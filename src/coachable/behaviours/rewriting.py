@@ -1,4 +1,4 @@
-"""Predicates in other forms that mean the same, and the wider one that deadbands mean."""
+"""Equivalent forms of predicates, and the wider predicate that deadbands denote."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _OPPOSITE: Mapping[str, str] = MappingProxyType({"<": ">=", "<=": ">", ">": "<="
 
 
 def unwrapped(predicate: Predicate) -> Predicate:
-    """The same predicate without `All` or `Any` around a single part, which no text tells from the part."""
+    """The same predicate without `All` or `Any` around a single part, which has the same text as the part."""
 
     def single_part(node: Node) -> Predicate | None:
         match node:
@@ -73,7 +73,7 @@ def _shifted(predicate: Predicate, outwards: bool) -> Predicate:
 def without_negations(predicate: Predicate) -> Predicate:
     """The same predicate without `Not`, except where a comparison with NaN is neither true nor false.
 
-    **Arguments:** `predicate`: spelt out by `expanded`.
+    **Arguments:** `predicate`: without phrases and ranges, as from `expanded`.
     """
 
     def pushed_inwards(node: Node) -> Predicate | None:

@@ -1,4 +1,4 @@
-"""What stands in a drawn automaton: the lines in its nodes, beside its edges, and below it."""
+"""The text of a drawn automaton: in its nodes, beside its edges, and below it."""
 
 from __future__ import annotations
 
@@ -27,29 +27,29 @@ RESETS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         )
     }
 )
-"""What each event does to the signals: μ₃ of the compass walker; ⁺ marks what the impact's equation gives."""
+"""The reset of each event: μ₃ of the compass walker; ⁺ marks values from the impact's equation."""
 
 _NAME, _TITLE, _FORMULA, _WORDS, _NOTE = 24, 24, 34, 32, 96
 _COLUMNS = 18.0
 """The widest that two columns of comparisons may be, in letter sizes."""
 
 _MOST_LINES, _WIDEST = 5, 19.0
-"""What a formula may take, in lines and letter sizes, before the phrases it was written in say it better."""
+"""The most lines, and the greatest width in letter sizes, of a formula shown in place of its phrases."""
 
 _MOST_ASSIGNMENTS = 6
 
 
-def node_lines(phase: Phase, in_words: bool) -> list[Line]:
-    """A phase: its name, its title, and its invariant as a formula or in the coach's words."""
+def node_lines(phase: Phase, as_phrases: bool) -> list[Line]:
+    """A phase: its name, its title, and its invariant as a formula or as phrases."""
     return [
         *(Line.plain("name", line) for line in balanced(phase.name, _NAME)),
         *(Line.plain("title", line) for line in balanced(phase.title, _TITLE)),
-        *(_in_words(phase.predicate) if in_words else _formula(phase.predicate)),
+        *(_as_phrases(phase.predicate) if as_phrases else _formula(phase.predicate)),
     ]
 
 
-def speaks_in_words(behaviour: Behaviour) -> bool:
-    """Whether the invariants are better said in phrases: where there are some, and formulas would not fit."""
+def uses_phrases(behaviour: Behaviour) -> bool:
+    """Whether the invariants are shown as phrases: all have some, and formulas would not fit."""
     predicates = [phase.predicate for phase in behaviour.phases]
     written = all(any(walk(predicate, Phrase)) for predicate in predicates)
     return written and any(
@@ -60,7 +60,7 @@ def speaks_in_words(behaviour: Behaviour) -> bool:
 
 
 def dwell_text(dwell: Dwell | None) -> str:
-    """How long a phase lasts, in few letters; nothing if it may last for any time."""
+    """The dwell time of a phase, abbreviated; empty without limits."""
     if dwell is None or dwell == Dwell():
         return ""
     if math.isinf(dwell.at_most):
@@ -71,7 +71,7 @@ def dwell_text(dwell: Dwell | None) -> str:
 def edge_lines(
     edges: Sequence[Edge], behaviour: Behaviour, resets: Mapping[str, Mapping[str, str]]
 ) -> list[Line]:
-    """The events of the edges that share an arrow, each with what it does to the signals."""
+    """The events of the edges that share an arrow, each with its reset."""
     lines: list[Line] = []
     for edge in sorted(edges, key=lambda edge: edge.event is None):
         changes = reset_of(edge, behaviour, resets)
@@ -88,7 +88,7 @@ def edge_lines(
 def reset_of(
     edge: Edge, behaviour: Behaviour, resets: Mapping[str, Mapping[str, str]] = RESETS
 ) -> list[tuple[str, str]]:
-    """The assignments on an edge in pretty letters: its own, or those that its event is known to make."""
+    """The assignments on an edge in pretty letters: its own, or those of its event."""
     if edge.reset:
         return [(pretty_name(jump.signal), pretty_expression(jump.expression)) for jump in edge.reset]
     known = resets.get(edge.event, {}) if edge.event is not None else {}
@@ -100,7 +100,7 @@ def reset_of(
 
 
 def notes(behaviour: Behaviour) -> list[Line]:
-    """What a reader of the picture has to know beside it: constants, deadbands, and what is outside."""
+    """The notes below the picture: constants, deadbands, and the name of being outside."""
     return [Line.plain("note", line) for note in _notes(behaviour) for line in textwrap.wrap(note, _NOTE)]
 
 
@@ -128,7 +128,7 @@ def _notes(behaviour: Behaviour) -> Iterator[str]:
         yield f"In no phase: {behaviour.outside}."
 
 
-def _in_words(predicate: Predicate) -> list[Line]:
+def _as_phrases(predicate: Predicate) -> list[Line]:
     lines = []
     for phrase in phrases(predicate):
         first, *rest = textwrap.wrap(phrase, _WORDS)
@@ -172,7 +172,7 @@ def _wrapped(formula: str, breaks: str) -> list[str]:
 
 
 def _reset_lines(changes: Sequence[tuple[str, str]]) -> list[Line]:
-    """Assignments, two a line where they are short; many are told as what is exchanged."""
+    """Assignments, two a line where they are short; of many, exchanges are shown as pairs."""
     if len(changes) > _MOST_ASSIGNMENTS:
         given = dict(changes)
         swapped = [(name, value) for name, value in changes if given.get(value) == name]

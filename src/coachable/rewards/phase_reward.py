@@ -123,7 +123,7 @@ class PhaseReward(eqx.Module):
 
     def before_all(self, signals: Float[Any, "*batch num_signals"]) -> Memory:
         """The memory of a run of which nothing was seen yet, for signals like these."""
-        return self.tracker.before_all(signals)
+        return self.tracker.initial(signals)
 
     def advance(
         self, memory: Memory, signals: Float[Any, "*batch num_signals"], dt: Float[Any, "..."] | float

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coachable.behaviours import All, Any, Behaviour, Comparison, Edge, Not, Phase, Signal, holds
+from coachable.behaviours.checking.cells import cells_of
 from coachable.behaviours.checking.checker import check
-from coachable.behaviours.checking.findings import Report
-from coachable.behaviours.checking.solver.cells import cells_of
+from coachable.behaviours.checking.findings import CheckReport
 from coachable.behaviours.checking.transitions import Regions, edges
 from coachable.behaviours.tree import walk
 
@@ -134,7 +134,7 @@ def test_edges_that_derivatives_forbid_are_those_of_exhaustion(predicates):
     behaviour = described(predicates, derivative="x")
     cells = {phase.name: inside(phase.predicate) for phase in behaviour.phases}
     results = edges(behaviour, Regions.of(behaviour))
-    forbidden = found(Report.of(results), "impossible-edge")
+    forbidden = found(CheckReport.of(results), "impossible-edge")
     for edge in behaviour.edges:
         source, target = cells[edge.source], cells[edge.target]
         if source and target and closure(source) & closure(target):

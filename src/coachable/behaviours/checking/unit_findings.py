@@ -1,4 +1,4 @@
-"""Do the units agree, wherever two numbers are compared, added or assigned?"""
+"""Units that differ where two numbers are compared, added or assigned, and units that cannot be parsed."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def unit_mismatches(behaviour: Behaviour) -> Iterator[Result]:
 
 @dataclass(frozen=True)
 class Ledger:
-    """Follows the units through the predicates at one place, and notes what does not agree."""
+    """The units in the predicates at one place, and the findings where they differ."""
 
     subject: Subject
     units: Mapping[str, Unit]
@@ -86,7 +86,7 @@ class Ledger:
                     self.check(part)
 
     def meet(self, one: Expression, other: Expression, where: str) -> Measure:
-        """Two expressions that must be in one unit; returns it."""
+        """The common unit of two expressions; a finding if they have two."""
         first, second = self.of(one, where), self.of(other, where)
         if first is None or second is None:
             return second if first is None else first
@@ -98,7 +98,7 @@ class Ledger:
         return first
 
     def of(self, expression: Expression, where: str) -> Measure:
-        """The unit of an expression; what does not agree inside it is noted, unless `where` is empty."""
+        """The unit of an expression; unless `where` is empty, units that differ inside it make a finding."""
         match expression:
             case Number(unit=unit) | Constant(number=Number(unit=unit)):
                 return parse_unit(unit) if unit else None
@@ -150,7 +150,7 @@ def _in(expression: Expression, unit: Unit) -> str:
 
 
 def _conversion(one: Expression, first: Unit, other: Expression, second: Unit) -> str:
-    """What the number would be in the other unit, if it can be told."""
+    """The number in the other unit, if the dimensions agree."""
     if not first.same_dimension(second):
         return ""
     for expression, own, wanted in ((other, second, first), (one, first, second)):
@@ -170,15 +170,15 @@ def _unreadable(behaviour: Behaviour) -> Iterator[Finding]:
     for edge in behaviour.edges:
         for jump in edge.reset:
             named += [(Subject("edge", str(edge)), number.unit) for number in walk(jump.expression, Number)]
-    told = set()
+    seen = set()
     for subject, unit in named:
-        if unit in told:
+        if unit in seen:
             continue
-        told.add(unit)
+        seen.add(unit)
         try:
             parse_unit(unit)
         except BehaviourError as error:
-            yield Finding("unreadable-unit", "error", (subject,), f"{subject}: {error}.", "Mend the unit.")
+            yield Finding("unreadable-unit", "error", (subject,), f"{subject}: {error}.", "Correct the unit.")
             continue
         for word, near in unfamiliar(unit).items():
             if near is not None:
@@ -186,7 +186,7 @@ def _unreadable(behaviour: Behaviour) -> Iterator[Finding]:
                     "unfamiliar-unit",
                     "note",
                     (subject,),
-                    f"{subject} is in {unit}, and {word} is taken for a unit of its own.",
+                    f"{subject} is in {unit}, and {word} counts as a unit of its own.",
                     f"Did you mean {near}?",
                 )
 
@@ -208,5 +208,5 @@ def _of_derivative(
             (Subject("signal", signal),),
             f"{signal} = d/dt {derivative_of} must be in [{texts[derivative_of] or '1'}/s], "
             + (f"and is in [{texts[signal]}]." if texts[signal] else "and has no unit."),
-            f"Write {signal} [{texts[derivative_of] or '1'}/s], or take `d/dt {derivative_of}` out.",
+            f"Write {signal} [{texts[derivative_of] or '1'}/s], or remove `d/dt {derivative_of}`.",
         )

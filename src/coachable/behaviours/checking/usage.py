@@ -1,4 +1,4 @@
-"""Is every word of the description used, and is every phase part of the order?"""
+"""Unused names, and phases that are not part of the order."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def unused(behaviour: Behaviour) -> Iterator[Result]:
                 "unused-phrase",
                 "note",
                 (Subject("phrase", phrase.words),),
-                f'No phase says "{phrase.words}".',
-                "Use it or take it out.",
+                f'No phase uses the phrase "{phrase.words}".',
+                "Use it or remove it.",
             )
     for constant in behaviour.constants:
         if constant.name not in constants:
@@ -34,7 +34,7 @@ def unused(behaviour: Behaviour) -> Iterator[Result]:
                 "note",
                 (Subject("constant", constant.name),),
                 f"No phase depends on the constant {constant.name}.",
-                "Use it or take it out.",
+                "Use it or remove it.",
             )
     for signal in behaviour.signals:
         if signal.name not in signals:
@@ -42,8 +42,8 @@ def unused(behaviour: Behaviour) -> Iterator[Result]:
                 "unused-signal",
                 "note",
                 (Subject("signal", signal.name),),
-                f"No phase depends on the signal {signal.name}, but whoever uses the behaviour must give it.",
-                "Use it or take it out.",
+                f"No phase depends on the signal {signal.name}, but every use of the behaviour requires it.",
+                "Use it or remove it.",
             )
 
 
@@ -67,7 +67,7 @@ def unconnected(behaviour: Behaviour) -> Iterator[Result]:
                 "unentered-phase",
                 "note",
                 subjects,
-                f"No edge enters {name}: one can only begin in it.",
+                f"No edge enters {name}: a movement can only begin in it.",
                 f"Nothing, if the movement begins with {name}; else add an edge to it.",
             )
         elif name not in left:
@@ -75,7 +75,7 @@ def unconnected(behaviour: Behaviour) -> Iterator[Result]:
                 "dead-end-phase",
                 "note",
                 subjects,
-                f"No edge leaves {name}: whoever is in it must stay.",
+                f"No edge leaves {name}: a movement that enters it must stay.",
                 f"Nothing, if the movement ends with {name}; else add an edge from it.",
             )
 

@@ -1,4 +1,4 @@
-"""Left for right: the words of a mirror swapped in everything that a text names."""
+"""Mirror images: the words of a mirror swapped in the names of a text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from coachable.behaviours.tree import Node, rewritten
 
 @dataclass(frozen=True)
 class Mirror:
-    """What swaps: `{"left": "right", "right": "left"}`, and the same with capitals. Twice is the identity."""
+    """An involution on words: `{"left": "right", "right": "left"}`, and the same with capitals."""
 
     words: Mapping[str, str]
 

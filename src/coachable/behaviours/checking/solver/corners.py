@@ -1,4 +1,4 @@
-"""abs, min and max, taken apart into the cases that they stand for."""
+"""abs, min and max as case distinctions."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from coachable.behaviours.tree import rewritten, walk
 
 _SMOOTH = ("sin", "cos")
 _MOST = 6
-"""How many cases are told apart in one comparison; their number doubles with each."""
+"""The most case distinctions in one comparison; each doubles the number of cases."""
 
 
 def without_corners(predicate: Predicate) -> Predicate:
     """The same predicate without abs, min and max: `abs(x) > 1` is `x >= 0 and x > 1 or x < 0 and -x > 1`.
 
-    A comparison with very many of them is left as it is.
+    A comparison with more than `_MOST` of them is left as it is.
 
-    **Arguments:** `predicate`: spelt out by `expanded`.
+    **Arguments:** `predicate`: without phrases and ranges, as from `expanded`.
     """
     return rewritten(predicate, lambda node: _taken_apart(node) if isinstance(node, Comparison) else None)
 

@@ -1,7 +1,7 @@
 """Expressions and predicates as the terms and formulas of the solver Z3.
 
-The solver counts in exact numbers and knows no sine. For the sine and cosine of something stand two unknowns
-on the unit circle, held by facts that are true of every sine, so what follows for them follows for sines.
+The solver has exact numbers and no sine. The sine and cosine of an angle become two unknowns on the unit
+circle, constrained by facts that are true of every sine, so that what follows for them follows for sines.
 """
 
 from __future__ import annotations
@@ -43,19 +43,19 @@ _ARITHMETIC = {"+": operator.add, "-": operator.sub, "*": operator.mul}
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The signals at one moment, as the solver has them, and their floats, given those of the free ones."""
+    """The signals at one moment as solver terms, and their floats, given those of the free ones."""
 
     symbols: Mapping[str, Real]
     floats: Callable[[Witness], Witness]
 
 
 def exact(number: Fraction) -> Real:
-    """A number as the solver has it."""
+    """A number as a solver term."""
     return z3.RealVal(number)
 
 
 class Encoding:
-    """States of a behaviour, and what is said about them, in the solver's terms.
+    """States of a behaviour, and predicates on them, as solver terms.
 
     `facts` is what is true of every state; `free` are the signals of all states by the solver's names, and
     `sines` the angles whose sine is taken, each with the unknowns that stand for its sine and cosine;
@@ -72,7 +72,7 @@ class Encoding:
         self._fresh = itertools.count()
 
     def state(self) -> State:
-        """A state of which nothing is known yet; the first one is the one that a witness tells."""
+        """A new state without constraints; a witness is a value of the first one."""
         moment = next(self._fresh)
         symbols = {signal: z3.Real(f"{signal}@{moment}") for signal in self._signals}
         self.free.update({str(symbol): symbol for symbol in symbols.values()})
@@ -89,14 +89,14 @@ class Encoding:
         return State({**state.symbols, **jumped}, floats)
 
     def unknown_number(self) -> Real:
-        """A number of which nothing is known yet, such as a time."""
+        """A new number without constraints, such as a time."""
         return z3.Real(f"number@{next(self._fresh)}")
 
     def truth(self, predicate: Predicate, state: State) -> Formula:
         """The predicate as a formula.
 
-        Dividing by zero gives infinities, of which the solver knows nothing: there a comparison may be
-        either true or false, so that what is impossible is so there, too.
+        Division by zero gives infinities, which the solver does not have: there a comparison may be either
+        true or false, so that a proof of impossibility includes this case.
         """
         match expanded(predicate):
             case Comparison(left, relation, right):

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.checking.solver import smt
-from coachable.behaviours.checking.solver.affine import cut_of, is_affine
+from coachable.behaviours.checking.solver import cells, cut_of, is_affine
 from coachable.behaviours.expressions import Constant, Number, Variable, evaluate
 from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate
 from coachable.behaviours.rewriting import conjuncts, expanded
@@ -18,7 +17,7 @@ _MOST_CELLS = 1024
 
 @dataclass(frozen=True)
 class Cells:
-    """What the comparisons of all phases cut the signal space into: the cells, and those in no phase."""
+    """The cells that the comparisons of all phases cut the signal space into, and those in no phase."""
 
     number: int
     outside: tuple[tuple[Predicate, ...], ...]
@@ -26,7 +25,7 @@ class Cells:
 
     @property
     def word(self) -> str:
-        """What to call them."""
+        """The name of the cells."""
         return "orthants" if self.orthants else "cells"
 
 
@@ -46,7 +45,7 @@ def cells_of(behaviour: Behaviour) -> Cells | None:
         cut, upper = cut_of(comparison, behaviour.signal_names)
         plain = Comparison(comparison.left, comparison.relation, comparison.right)
         cuts.setdefault(cut, plain if upper else _opposite(plain))
-    found = smt.cells(behaviour.signal_names, tuple(cuts.values()), _MOST_CELLS)
+    found = cells(behaviour.signal_names, tuple(cuts.values()), _MOST_CELLS)
     if found is None:
         return None
     located = [dict(zip(cuts, cell, strict=True)) for cell in found]

@@ -1,20 +1,21 @@
-"""Phases as regions: their closures, and where a trajectory can leave and enter them.
+"""Phases as regions of the signal space: their closures, and where a trajectory can leave and enter them.
 
-A trajectory is continuous between jumps, and a signal declared as a derivative is one. So whoever leaves a
-phase in which g > 0 across g = 0 was, a moment before, in that phase with dg/dt < 0; and whoever enters one
-is, a moment later, in it with dg/dt > 0. Where no such moment exists near a point of the boundary, nothing
-crosses there. These conditions are necessary, so what they exclude cannot happen.
+A trajectory is continuous between jumps, and a signal declared as a derivative is one. A
+trajectory that leaves a phase in which g > 0 across g = 0 was, a moment before, in that phase with dg/dt < 0;
+one that enters it is, a moment later, in it with dg/dt > 0. Where no such moment exists near a point of the
+boundary, no trajectory crosses there. These conditions are necessary, so what they exclude is impossible.
 """
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from coachable.behaviours.checking.solver.affine import is_affine
-from coachable.behaviours.checking.solver.corners import without_corners
+from coachable.behaviours.behaviour import Behaviour, Edge
+from coachable.behaviours.checking.solver import Question, State, is_affine, refuted, without_corners
 from coachable.behaviours.expressions import (
     Arithmetic,
     Call,
@@ -25,7 +26,7 @@ from coachable.behaviours.expressions import (
     Variable,
 )
 from coachable.behaviours.predicates import All, Any, Comparison, Predicate
-from coachable.behaviours.rewriting import expanded, without_negations
+from coachable.behaviours.rewriting import expanded, widened, without_negations
 from coachable.behaviours.tree import Node, fold, rewritten, walk
 
 _MOST_TERMS = 64
@@ -45,8 +46,8 @@ class Term:
 
 
 @dataclass(frozen=True)
-class Crossing:
-    """What a strict comparison asks for where it is left or entered: a sign of its `rate`."""
+class RateCondition:
+    """The necessary condition for crossing the boundary of a strict comparison: a sign of its `rate`."""
 
     comparison: Comparison
     rate: Expression
@@ -60,13 +61,12 @@ class Crossing:
 class Region:
     """A phase as a union of terms, the empty ones left out.
 
-    `exact` says that the closure is the closure; otherwise it may be too large, so that only what it
-    excludes is certain.
+    If not `exact`, `closure` may be larger than the closure, so that only what it excludes is certain.
     """
 
     terms: tuple[Term, ...]
     exact: bool
-    crossings: Callable[[Comparison, bool], Crossing | None]
+    rate_condition: Callable[[Comparison, bool], RateCondition | None]
     refuted: Refuted
 
     @property
@@ -78,23 +78,97 @@ class Region:
         """The part of the closure where a trajectory can leave, or enter; `only` looks at one comparison."""
         return Any(*(self._passage(term, leaving, only) for term in self.terms))
 
-    def demands(self, leaving: bool) -> tuple[Crossing, ...]:
-        """What leaving, or entering, may ask of the derivatives."""
-        found = (self.crossings(comparison, leaving) for term in self.terms for comparison in term.strict)
-        return tuple(dict.fromkeys(crossing for crossing in found if crossing is not None))
+    def demands(self, leaving: bool) -> tuple[RateCondition, ...]:
+        """The conditions on the derivatives for leaving, or entering."""
+        found = (
+            self.rate_condition(comparison, leaving) for term in self.terms for comparison in term.strict
+        )
+        return tuple(dict.fromkeys(condition for condition in found if condition is not None))
 
     def _passage(self, term: Term, leaving: bool, only: Comparison | None) -> Predicate:
         parts: list[Predicate] = [term.closure]
         for comparison in term.strict:
-            crossing = self.crossings(comparison, leaving)
-            if crossing is None or (only is not None and comparison != only):
+            condition = self.rate_condition(comparison, leaving)
+            if condition is None or (only is not None and comparison != only):
                 continue
-            moving = Comparison(crossing.rate, crossing.relation, 0)
+            moving = Comparison(condition.rate, condition.relation, 0)
             if self.refuted(All(term.predicate, moving)):
                 parts.append(comparison)
             else:
                 parts.append(Any(comparison, relaxed(moving)))
         return All(*parts)
+
+
+def rates_of(behaviour: Behaviour) -> dict[str, str]:
+    """Signal → the signal that is declared to be its derivative."""
+    return {
+        signal.derivative_of: signal.name
+        for signal in reversed(behaviour.signals)
+        if signal.derivative_of is not None
+    }
+
+
+@dataclass(frozen=True)
+class Regions:
+    """Each phase as the region in which it is entered, and the one in which it lasts.
+
+    With a deadband a phase lasts farther than it is entered.
+    """
+
+    entered: Mapping[str, Region]
+    lasting: Mapping[str, Region]
+    region_of: Callable[[Predicate], Region]
+    signals: tuple[str, ...]
+
+    @staticmethod
+    def of(behaviour: Behaviour) -> Regions:
+        """The regions of all phases."""
+        rates = rates_of(behaviour)
+
+        @functools.cache
+        def refuted_here(predicate: Predicate) -> bool | None:
+            return refuted(behaviour.signal_names, predicate)
+
+        @functools.cache
+        def region_of(predicate: Predicate) -> Region:
+            return region(predicate, rates, refuted_here)
+
+        return Regions(
+            {phase.name: region_of(expanded(phase.predicate)) for phase in behaviour.phases},
+            {phase.name: region_of(widened(phase.predicate)) for phase in behaviour.phases},
+            region_of,
+            behaviour.signal_names,
+        )
+
+    def travel(self, edge: Edge, question: Question, before: State) -> State:
+        """The state right after an edge: the same one, the reset one, or an unknown one."""
+        if edge.reset:
+            return question.after(before, edge.reset)
+        return question.state() if edge.event is not None else before
+
+    def touch(self, edge: Edge) -> bool | None:
+        """Whether the edge's phases touch, across the reset if there is one; `None` if that is not known."""
+        source, target = self.lasting[edge.source], self.entered[edge.target]
+        return self._possible(edge, source.closure, target.closure, source.exact and target.exact)
+
+    def travelled(self, edge: Edge, only: Comparison | None = None) -> bool | None:
+        """Whether the derivatives allow the edge; `only` looks at the condition of one comparison."""
+        source, target = self.lasting[edge.source], self.entered[edge.target]
+        leave, enter = source.passage(True, only), target.passage(False, only)
+        return self._possible(edge, leave, enter, source.exact and target.exact)
+
+    def _possible(self, edge: Edge, leave: Predicate, enter: Predicate, exact: bool) -> bool | None:
+        question = Question(self.signals)
+        before = question.state()
+        question.require(leave, before)
+        question.require(enter, self.travel(edge, question, before))
+        match question.refuted():
+            case True:
+                return False
+            case False if exact:
+                return True
+            case _:
+                return None
 
 
 def region(predicate: Predicate, rates: Mapping[str, str], refuted: Refuted) -> Region:
@@ -104,15 +178,15 @@ def region(predicate: Predicate, rates: Mapping[str, str], refuted: Refuted) -> 
     holds nowhere.
     """
 
-    def crossings(comparison: Comparison, leaving: bool) -> Crossing | None:
+    def rate_condition(comparison: Comparison, leaving: bool) -> RateCondition | None:
         rate = rate_of(Arithmetic(comparison.left, "-", comparison.right), rates)
         if rate is None:
             return None
-        return Crossing(comparison, rate, _OUTWARDS[leaving == (comparison.relation == ">")])
+        return RateCondition(comparison, rate, _OUTWARDS[leaving == (comparison.relation == ">")])
 
     spelt_out = without_negations(without_corners(expanded(predicate)))
     if _count(spelt_out) > _MOST_TERMS:
-        return Region((Term(predicate, relaxed(predicate)),), False, crossings, refuted)
+        return Region((Term(predicate, relaxed(predicate)),), False, rate_condition, refuted)
     terms = []
     for comparisons in map(tuple, map(dict.fromkeys, _alternatives(spelt_out))):
         whole = All(*comparisons)
@@ -125,7 +199,7 @@ def region(predicate: Predicate, rates: Mapping[str, str], refuted: Refuted) -> 
         for comparison in walk(term.predicate, Comparison)
         for side in (comparison.left, comparison.right)
     )
-    return Region(tuple(dict.fromkeys(terms)), exact, crossings, refuted)
+    return Region(tuple(dict.fromkeys(terms)), exact, rate_condition, refuted)
 
 
 def relaxed(predicate: Predicate) -> Predicate:
