@@ -154,7 +154,10 @@ MISTAKES = {
     ),
     "a number as a predicate": (BEGIN + "  B: x + 1\n", ["this is a number; compare it", "x > 0"]),
     "a signal as a predicate": (BEGIN + "  B: not x\n", ["x is a number; compare it"]),
-    "a predicate as a number": (BEGIN + "  B: (x > 1) + 1 > 0\n", ["a condition has no value to calculate with"]),
+    "a predicate as a number": (
+        BEGIN + "  B: (x > 1) + 1 > 0\n",
+        ["a condition has no value to calculate with"],
+    ),
     "equality": (BEGIN + "  B: x = 3\n", ["line 9, column 11", "within", "equality needs a tolerance"]),
     "another equality": (BEGIN + "  B: x == 3\n", ["line 9, column 9", "equality needs a tolerance"]),
     "a letter for a comparison": (BEGIN + "  B: x ≥ 3\n", ["line 9, column 8: '≥'", "are written <, <=, >"]),
@@ -187,7 +190,10 @@ MISTAKES = {
         BEGIN + "  B: x > 3\ncycle\n  A -> B\n",
         ["begins in A and ends in B", "must end in A"],
     ),
-    "a chain of edges": (BEGIN + "edges\n  A -> A -> A\n", ["line 10, column 13: edges has one edge a line", "cycle"]),
+    "a chain of edges": (
+        BEGIN + "edges\n  A -> A -> A\n",
+        ["line 10, column 13: edges has one edge a line", "cycle"],
+    ),
     "another arrow": (BEGIN + "cycle\n  A → A\n", ["line 10, column 5: '→'", "written ->"]),
     "two values": (BEGIN + "edges\n  A -> A with x := 1, x := 2\n", ["x gets two values"]),
     "a value for nothing": (BEGIN + "edges\n  A -> A with y := x\n", ["y is not a signal"]),
