@@ -27,7 +27,8 @@ from coachable.behaviours import (
     load_behaviour,
 )
 from coachable.behaviours.expressions import Arithmetic, Call, Negative, evaluate
-from coachable.behaviours.predicates import comparisons_of, subpredicates
+from coachable.behaviours.predicates import comparisons_of
+from coachable.behaviours.tree import walk
 
 
 def _word(value):
@@ -121,8 +122,8 @@ TAME = st.sampled_from([-2.0, -0.5, 0.0, 0.5, 1.0, math.nan, math.inf, -math.inf
 def is_a_matter_of_rounding(predicate, state):
     """Whether two sides of a comparison are so near that the last bit of a sine decides."""
     values = dict(zip(NAMES, state, strict=True))
-    for part in subpredicates(predicate):
-        for comparison in comparisons_of(part) if isinstance(part, Comparison | Between | Near) else ():
+    for part in walk(predicate, Comparison, Between, Near):
+        for comparison in comparisons_of(part):
             if "sin" in str(comparison) or "cos" in str(comparison):
                 left, right = (evaluate(side, values) for side in (comparison.left, comparison.right))
                 if abs(left - right) <= 1e-9 * max(1.0, abs(left)):

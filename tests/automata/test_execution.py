@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coachable.automata.execution import Status, execute
+from coachable.automata.execution import Termination, execute
 from coachable.automata.hybrid import HybridAutomaton
 from coachable.behaviours import All, Behaviour, Comparison, Edge, Phase, Signal, load_behaviour
 from coachable.plants import START, CompassWalker, ConstantTorque, Event, NoTorque, Plant, VirtualGravity
@@ -25,7 +25,7 @@ def is_in(behaviour, location, state):
 
 def test_the_papers_start_is_in_no_location():
     execution = execute(HybridAutomaton.of(WALKING, WALKER), START, GRAVITY, 10.0)
-    assert execution.status is Status.START_OUTSIDE
+    assert execution.termination is Termination.START_OUTSIDE
     assert "x0 is in no location" in execution.sentence
     assert execution.times.shape == (0,)
     assert execution.states.shape == (0, 4)
@@ -38,7 +38,7 @@ def deadlocked():
 
 
 def test_ideal_walking_is_stuck_at_the_first_touchdown(deadlocked):
-    assert deadlocked.status is Status.DEADLOCK
+    assert deadlocked.termination is Termination.DEADLOCK
     assert [str(transition.edge) for transition in deadlocked.transitions] == [
         "O1 → O2",
         "O2 → O3",
@@ -79,7 +79,7 @@ def walking_with_a_fifth_phase():
 
 def test_with_the_fifth_orthant_the_gait_walks_through_the_whole_cycle():
     execution = execute(HybridAutomaton.of(walking_with_a_fifth_phase(), WALKER), IN_O1, GRAVITY, 2.0)
-    assert execution.status is Status.COMPLETED, execution.sentence
+    assert execution.termination is Termination.COMPLETED, execution.sentence
     assert execution.final_time == 2.0
     taken = [(transition.edge.source, transition.edge.target) for transition in execution.transitions]
     cycle = [("O1", "O2"), ("O2", "O3"), ("O3", "O4"), ("O4", "O5"), ("O5", "O1")]
@@ -144,7 +144,7 @@ DOWN_UP, UP_DOWN = Edge("down", "up", "touchdown"), Edge("up", "down")
 
 def test_a_ball_bounces_when_the_formula_says():
     execution = execute(HybridAutomaton.of(bouncing(DOWN_UP, UP_DOWN), Ball()), (1.0, -1.0), Push(), 1.7)
-    assert execution.status is Status.COMPLETED
+    assert execution.termination is Termination.COMPLETED
     speed = math.sqrt(1 + 2 * 9.81)
     bounces, tops, time = [], [], (speed - 1) / 9.81
     while time < 1.7:
@@ -174,16 +174,20 @@ def test_the_control_is_held_from_sample_to_sample():
 
 
 @pytest.mark.parametrize(
-    ("edges", "status", "words"),
+    ("edges", "termination", "words"),
     [
-        ([UP_DOWN], Status.DEADLOCK, "On touchdown in down .*there is no edge for that"),
-        ([DOWN_UP], Status.DEADLOCK, "Leaving up .*there is no edge for that"),
-        ([Edge("down", "down", "touchdown")], Status.DEADLOCK, "down → down on touchdown needs speed < 0"),
+        ([UP_DOWN], Termination.DEADLOCK, "On touchdown in down .*there is no edge for that"),
+        ([DOWN_UP], Termination.DEADLOCK, "Leaving up .*there is no edge for that"),
+        (
+            [Edge("down", "down", "touchdown")],
+            Termination.DEADLOCK,
+            "down → down on touchdown needs speed < 0",
+        ),
     ],
 )
-def test_a_deadlock_says_what_is_missing(edges, status, words):
+def test_a_deadlock_says_what_is_missing(edges, termination, words):
     execution = execute(HybridAutomaton.of(bouncing(*edges), Ball()), (1.0, -1.0), Push(), 2.0)
-    assert execution.status is status
+    assert execution.termination is termination
     assert np.all(execution.times <= execution.final_time)
     assert not np.isnan(execution.final_state).any()
     assert re.search(words, execution.sentence)
@@ -194,11 +198,11 @@ def test_two_ways_to_go_on_are_nondeterminism():
     behaviour = bouncing(DOWN_UP, Edge("down", "fast", "touchdown"), phases=(DOWN, UP, fast))
     automaton = HybridAutomaton.of(behaviour, Ball())
     execution = execute(automaton, (1.0, -1.0), Push(), 2.0)
-    assert execution.status is Status.NONDETERMINISM
+    assert execution.termination is Termination.NONDETERMINISM
     assert "down → up on touchdown and down → fast on touchdown" in execution.sentence
     assert "On touchdown in down at (height = " in execution.sentence
     at_start = execute(automaton, (1.0, 2.0), Push(), 2.0)
-    assert at_start.status is Status.NONDETERMINISM
+    assert at_start.termination is Termination.NONDETERMINISM
     assert "is in up and in fast" in at_start.sentence
 
 
@@ -207,14 +211,14 @@ def test_bounces_without_end_are_named():
     ball = Ball(restitution=-1.0, lift=1e-9)
     behaviour = bouncing(Edge("down", "down", "touchdown"))
     execution = execute(HybridAutomaton.of(behaviour, ball), (0.5, -1.0), Push(), 2.0)
-    assert execution.status is Status.ZENO
+    assert execution.termination is Termination.ZENO
     assert execution.final_time == pytest.approx((math.sqrt(1 + 9.81) - 1) / 9.81, rel=1e-5)
 
 
 def test_a_fall_ends_the_execution():
     behaviour = bouncing(DOWN_UP)
     execution = execute(HybridAutomaton.of(behaviour, Ball()), (4.0, 1.0), Push(force=9.81), 2.0)
-    assert execution.status is Status.FELL
+    assert execution.termination is Termination.FELL
     assert execution.final_time == pytest.approx(1.0)
 
 
@@ -224,7 +228,7 @@ def test_a_state_that_leaves_the_numbers_ends_the_execution():
             return jnp.where(x[0] < 0.9, jnp.nan, 0.0)[None]
 
     execution = execute(HybridAutomaton.of(bouncing(DOWN_UP), Ball()), (1.0, -1.0), Bad(), 2.0)
-    assert execution.status is Status.NOT_FINITE
+    assert execution.termination is Termination.NOT_FINITE
     assert np.isfinite(execution.final_state).all()
     assert np.isfinite(execution.states).all()
 
@@ -241,10 +245,10 @@ class Feedback(eqx.Module):
 )
 def test_every_controller_can_be_executed(controller):
     execution = execute(HybridAutomaton.of(WALKING, WALKER), np.array(IN_O1), controller, 0.05)
-    assert execution.status is Status.COMPLETED
+    assert execution.termination is Termination.COMPLETED
 
 
 def test_every_status_has_a_sentence():
-    for status in Status:
-        assert status.sentence[0].isalpha()
-        assert status.sentence.endswith(".")
+    for termination in Termination:
+        assert termination.sentence[0].isalpha()
+        assert termination.sentence.endswith(".")

@@ -12,6 +12,7 @@ import pytest
 from coachable import cli
 from coachable.automata.explanation import as_json, as_text, explain
 from coachable.automata.monitor import Monitor
+from coachable.automata.trace import Trace
 from coachable.automata.trace_file import read_trace, write_trace
 from coachable.behaviours import load_behaviour
 from coachable.behaviours.predicates import Signal
@@ -119,7 +120,7 @@ def test_a_place_that_cannot_be_written_to_is_named(walk, tmp_path, capsys):
     assert (code, f"{nowhere / 'phases.csv'}: No such file" in err) == (2, True)
     for name in ("walk.csv", "walk.csv.gz", "walk.parquet"):
         with pytest.raises(TraceError, match=f"{name}: cannot be written"):
-            write_trace(nowhere / name, walk["t"], WALKING.signals, walk)
+            write_trace(nowhere / name, Trace(walk["t"], WALKING.signals, walk))
 
 
 @pytest.mark.parametrize(("letter", "name"), [(";", "semicolons"), ("\t", "tabs")])
@@ -155,7 +156,7 @@ def test_dt_takes_the_place_of_a_time_column(walk, tmp_path):
     path = write(tmp_path / "walk.csv", {name: walk[name] for name in NAMES})
     report = explain(WALKING, path, dt=0.5).report
     assert (report.start, report.end) == (0.0, 500.0)
-    with pytest.raises(TraceError, match="there is no column t or time; say with --dt"):
+    with pytest.raises(TraceError, match="there is no column t or time; give the time between two rows"):
         explain(WALKING, path)
 
 
@@ -163,9 +164,9 @@ def test_dt_takes_the_place_of_a_time_column(walk, tmp_path):
 def test_a_signal_that_is_called_like_the_time_is_not_taken_for_it(signal, time, tmp_path):
     path = tmp_path / "named.csv"
     path.write_text(f"{signal},{time}\n5,0\n4,1\n")
-    (chunk,) = read_trace(path, (Signal(signal, "m"),))
-    assert chunk.times.tolist() == [0, 1]
-    assert chunk.values[signal].tolist() == [5, 4]
+    (trace,) = read_trace(path, (Signal(signal, "m"),))
+    assert trace.time.tolist() == [0, 1]
+    assert trace.values[signal].tolist() == [5, 4]
 
 
 def test_an_empty_cell_is_outside_and_named(walk, tmp_path):

@@ -134,7 +134,7 @@ def test_a_phase_that_nobody_saw_begin_is_not_held_to_its_minimum():
     inside, out = np.array([1.0]), np.array([-1.0])
     _, move = tracker.advance(tracker.start(inside), out, 0.1)
     assert not move.too_short
-    memory, move = tracker.advance(tracker.before_all(inside), inside, 0.1)
+    memory, move = tracker.advance(tracker.initial(inside), inside, 0.1)
     assert move.previous == tracker.none_yet
     _, move = tracker.advance(memory, out, 0.1)
     assert not move.too_short

@@ -105,7 +105,7 @@ def test_a_phrase_or_a_constant_with_two_meanings_is_refused():
 def test_a_cycle_closes_along_edges():
     up, down = hop().edges
     assert hop(cycles=((up, down),)).cycles == ((up, down),)
-    with pytest.raises(BehaviourError, match=r"goes on from air → ground with air → ground"):
+    with pytest.raises(BehaviourError, match=r"continues from air → ground with air → ground"):
         hop(cycles=((up,),))
     with pytest.raises(BehaviourError, match=r"air → air, which is not an edge"):
         hop(cycles=((Edge("air", "air"),),))

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coachable.behaviours import Comparison, Constant, Number, Variable
-from coachable.behaviours.expressions import Arithmetic, Call, Negative, evaluate, rewritten, subexpressions
+from coachable.behaviours.expressions import Arithmetic, Call, evaluate
 from coachable.behaviours.text.parser import parse
 from coachable.foundation.errors import BehaviourError
 from tests.behaviours.random_behaviours import built, expressions, recipe
@@ -68,20 +68,6 @@ def test_nan_stays_nan(function):
     arguments = [Variable("x"), Number(1)] if function in ("min", "max") else [Variable("x")]
     for order in (arguments, arguments[::-1]):
         assert math.isnan(evaluate(Call(function, *order), {"x": math.nan}))
-
-
-@given(expressions(LEAVES))
-def test_rewriting_leaves_by_themselves_changes_nothing(drawn):
-    expression = built(drawn)
-    assert rewritten(expression, lambda leaf: leaf) == expression
-    renamed = rewritten(expression, lambda leaf: Variable("w") if isinstance(leaf, Variable) else leaf)
-    assert {node.signal for node in subexpressions(renamed) if isinstance(node, Variable)} <= {"w"}
-
-
-def test_the_parts_come_from_the_outside_in_and_from_left_to_right():
-    x, y = Variable("x"), Variable("y")
-    total = Arithmetic(Negative(x), "+", Call("min", y, x))
-    assert list(subexpressions(total)) == [total, Negative(x), x, Call("min", y, x), y, x]
 
 
 @pytest.mark.parametrize(

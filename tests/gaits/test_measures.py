@@ -1,40 +1,35 @@
 """Gaits of feet that come to the ground by a clock are what the clock says."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from coachable.automata.trace import Trace
+from coachable.behaviours import Signal
 from coachable.gaits.measures import feet, gait, measures, touchdowns
 
 DT = 0.01
 
 
-@dataclass
-class Clockwork:
+def clockwork(duty, lag=0.5, speed=1.5, seconds=8.0, stride=0.8):
     """A walk at constant speed; each foot is on the ground for a share of its stride, the right one later."""
-
-    duty: dict
-    lag: float = 0.5
-    speed: float = 1.5
-    seconds: float = 8.0
-    stride: float = 0.8
-    values: dict = field(default_factory=dict)
-
-    def __post_init__(self):
-        self.time = np.arange(round(self.seconds / DT)) * DT
-        self.values["torso_x"] = self.speed * self.time
-        self.values["power"] = np.full(len(self.time), 90.0)
-        self.values["weight"] = np.full(len(self.time), 40.0)
-        for number, (foot, duty) in enumerate(self.duty.items()):
-            # Half a sample off, so that rounding decides nothing.
-            phase = (self.time + DT / 2) / self.stride - number * self.lag - 0.1
-            self.values[f"{foot}foot_contact"] = (phase % 1 < duty).astype(float)
+    time = np.arange(round(seconds / DT)) * DT
+    values = {
+        "torso_x": speed * time,
+        "power": np.full(len(time), 90.0),
+        "weight": np.full(len(time), 40.0),
+    }
+    for number, (foot, share) in enumerate(duty.items()):
+        # Half a sample off, so that rounding decides nothing.
+        phase = (time + DT / 2) / stride - number * lag - 0.1
+        values[f"{foot}foot_contact"] = (phase % 1 < share).astype(float)
+    return Trace(time, tuple(map(Signal, values)), values)
 
 
 def two(left, right, **rest):
-    return Clockwork({"left_": left, "right_": right}, **rest)
+    return clockwork({"left_": left, "right_": right}, **rest)
 
 
 @pytest.mark.parametrize(
@@ -51,10 +46,10 @@ def two(left, right, **rest):
         (two(0.3, 0.0), "hops on left"),
         (two(0.6, 0.6, speed=0.01), "stands"),
         (two(1.0, 1.0), "shuffles"),
-        (Clockwork({"": 0.4}), "hops"),
-        (Clockwork({"": 1.0}), "shuffles"),
-        (Clockwork({}), "shuffles"),
-        (Clockwork({"a_": 0.3, "b_": 0.3, "c_": 0.3, "d_": 0.3}), "moves"),
+        (clockwork({"": 0.4}), "hops"),
+        (clockwork({"": 1.0}), "shuffles"),
+        (clockwork({}), "shuffles"),
+        (clockwork({"a_": 0.3, "b_": 0.3, "c_": 0.3, "d_": 0.3}), "moves"),
     ],
 )
 def test_a_gait_is_told_by_when_its_feet_are_on_the_ground(walk, name):
@@ -107,7 +102,10 @@ def test_mirrored_feet_have_the_mirrored_lag_and_all_else_alike():
 
 def test_who_goes_on_one_foot_and_then_the_other_makes_no_strides():
     walk = two(1.0, 1.0)
-    walk.values["left_foot_contact"] = ((walk.time > 1) & (walk.time < 3)).astype(float)
-    walk.values["right_foot_contact"] = ((walk.time > 3) & (walk.time < 7)).astype(float)
+    contacts = {
+        "left_foot_contact": (walk.time > 1) & (walk.time < 3),
+        "right_foot_contact": (walk.time > 3) & (walk.time < 7),
+    }
+    walk = replace(walk, values={**walk.values, **{name: on.astype(float) for name, on in contacts.items()}})
     assert math.isnan(measures(walk)["lag"])
     assert gait(walk) == "shuffles"

@@ -20,7 +20,7 @@ from coachable.experiments.plan import load_plan
 from coachable.experiments.recorded_episodes import recorded_walk
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.runner import run_experiment
-from coachable.verification import gait_survey
+from coachable.gaits import survey as gait_survey
 from coachable.viewing.side_view import SIDE, SideView
 
 pytestmark = pytest.mark.sb3
@@ -89,14 +89,15 @@ def test_a_recorded_walk_is_the_episode_that_the_policy_walks(run, walk):
         heights.append(observation[0])
     assert terminated == walk.fell
     assert walk.environment_return == pytest.approx(paid, rel=1e-6)
-    np.testing.assert_allclose(walk.values["torso_height"], heights, atol=1e-6)
+    np.testing.assert_allclose(walk.trace.values["torso_height"], heights, atol=1e-6)
     assert walk.time[1] == pytest.approx(0.008)
 
 
 def test_its_phases_and_what_follows_are_those_of_its_feet(walk):
-    down = np.stack([walk.values["left_load"] > 20, walk.values["right_load"] > 20])
-    sure = (walk.values["left_load"] > 30) == (walk.values["left_load"] > 10)
-    sure &= (walk.values["right_load"] > 30) == (walk.values["right_load"] > 10)
+    left, right = (walk.trace.values[name] for name in ("left_load", "right_load"))
+    down = np.stack([left > 20, right > 20])
+    sure = (left > 30) == (left > 10)
+    sure &= (right > 30) == (right > 10)
     phase = np.where(down.all(axis=0), 0, np.where(down.any(axis=0), 2, 1))
     np.testing.assert_array_equal(walk.phase[sure], phase[sure])
     # With two phases and an edge each way, whatever ends inside belongs to the behaviour.
@@ -107,7 +108,7 @@ def test_limbs_end_where_the_robots_feet_are(walk):
     assert set(walk.limbs) >= {"torso_geom", "foot_geom", "foot_left_geom"}
     lowest = walk.ends[:, walk.limbs.index("foot_left_geom"), :, 2].min(axis=1)
     radius = walk.radii[walk.limbs.index("foot_left_geom")]
-    np.testing.assert_allclose(lowest - radius, walk.values["left_foot_height"], atol=1e-6)
+    np.testing.assert_allclose(lowest - radius, walk.trace.values["left_foot_height"], atol=1e-6)
 
 
 def test_only_robots_of_mujoco_have_limbs():
@@ -147,10 +148,10 @@ def test_whole_cycles_are_counted_by_the_second(run, walk, monkeypatch):
     time = np.arange(0.0, 4.3, 0.008)
     load = np.where((time + 0.004) % 0.5 < 0.25, 100.0, 0.0)
     for right, cycles in ((load, 8), (np.full_like(load, 100.0), 0)):
-        values = {name: np.zeros_like(time) for name in walk.values}
-        values |= {"left_load": load, "right_load": right}
+        values = {name: np.zeros_like(time) for name in walk.trace.values}
+        trace = replace(walk.trace, time=time, values=values | {"left_load": load, "right_load": right})
         phase, follows = np.zeros(len(time), int), time >= 0
-        each = replace(walk, time=time, values=values, phase=phase, follows=follows, ends=None, radii=None)
+        each = replace(walk, trace=trace, phase=phase, follows=follows, ends=None, radii=None)
         monkeypatch.setattr(gait_survey, "recorded_walk", lambda *_, each=each: each)
         gait_survey.survey(run, 1)
         np.testing.assert_allclose(run.gaits()["cycles"], cycles / time[-1], rtol=1e-6)
@@ -169,10 +170,10 @@ def test_a_record_holds_the_very_numbers(run, walk, tmp_path, suffix, capsys):
     path = tmp_path / f"walk.{suffix}"
     cli.main(["record", str(run.path), "--setup", "both", "-o", str(path)])
     assert f"{len(walk.time)} samples" in capsys.readouterr().out
-    (chunk,) = read_trace(path, walk.signals)
-    np.testing.assert_array_equal(chunk.times, walk.time)
-    for name, values in walk.values.items():
-        np.testing.assert_array_equal(chunk.values[name], values)
+    (trace,) = read_trace(path, walk.trace.signals)
+    np.testing.assert_array_equal(trace.time, walk.time)
+    for name, values in walk.trace.values.items():
+        np.testing.assert_array_equal(trace.values[name], values)
 
 
 @pytest.mark.parametrize(

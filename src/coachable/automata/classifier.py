@@ -21,9 +21,8 @@ from coachable.behaviours.predicates import Predicate, decision
 class Classifier:
     """𝒪: which phase of a behaviour a state is in, for arrays of NumPy, JAX (traced ones, too) and torch.
 
-    It is an immutable value that can be compared and hashed, so it can be a static field of a module. The
-    code it runs on arrays is `decision`, the very function that decides for plain floats: there is one
-    operator table, and nothing to keep in step.
+    It is an immutable value that can be compared and hashed, so it can be a static field of a module. On
+    arrays it runs `decision`, the same function as for plain floats: there is one operator table.
     """
 
     signals: tuple[str, ...]
@@ -69,7 +68,7 @@ class Classifier:
         xp = array_library(first)
         known = self.known(values)
         location = xp.full_like(first, self.outside, dtype=xp.int32)
-        # From the last phase to the first, so that the first one that holds has the last word.
+        # From the last phase to the first, so that the first one that holds is written last.
         for index, predicate in reversed(list(enumerate(self.predicates))):
             location = xp.where(known & holds_at(predicate, values), index, location)
         return location
@@ -94,7 +93,7 @@ _decision = lru_cache(maxsize=1_000)(decision)
 def array_library(array: Any) -> ModuleType:
     """The library that an array belongs to: `numpy`, `jax.numpy` or `torch`.
 
-    Torch is found only if the array is a torch tensor, and then whoever made the tensor has imported it.
+    Torch is used only for a torch tensor, so it has been imported already.
     """
     if isinstance(array, np.ndarray | np.generic):
         return np

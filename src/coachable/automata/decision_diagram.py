@@ -1,9 +1,9 @@
-"""Where one run is, sample by sample in plain floats: what `Tracker` gives, without the cost of arrays."""
+"""The location of one trajectory, sample by sample in plain floats: `Tracker` without the cost of arrays."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,41 +11,41 @@ import numpy as np
 
 from coachable.automata.tracker import Tracker
 from coachable.behaviours.expressions import Constant, Floats, Number, Variable
-from coachable.behaviours.predicates import OPERATORS, All, Comparison, Not, Predicate, decision
+from coachable.behaviours.predicates import OPERATORS, All, Comparison, Not, Predicate, decision, flattened
 from coachable.behaviours.rewriting import expanded
 
 Holds = Callable[[Any, float], bool]
-"""From a signal's value and a bound, or all values in a row and nothing, to whether a predicate holds."""
+"""From a signal's value and a bound, or from all values in order, to whether a predicate holds."""
 
 Candidates = tuple[tuple[tuple[Predicate, ...], int], ...]
-"""Locations in their order, each after what is not known yet and must hold there."""
+"""Locations in their order, each after the conditions for it that are still undecided."""
 
 
 class DecisionDiagram:
-    """Finds the location of one run whose signals come as plain floats in a row.
+    """The location of one trajectory whose signals come as plain floats.
 
-    It asks whether a predicate holds, and by the answer what to ask next, until one location is left. No
-    predicate is asked twice, however many phases it is a part of. What to ask after which answers is worked
-    out when it first happens, so there are no more questions than a run needs. The locations are those of
+    Each node tests a predicate, and the result selects the next node, until one location is left. No
+    predicate is tested twice, however many phases it is a part of. Nodes are built when they are first
+    reached, so there are no more of them than a trajectory needs. The locations are those of
     `Tracker.locate` to the last bit.
     """
 
     def __init__(self, tracker: Tracker):
         self._places = {signal: place for place, signal in enumerate(tracker.classifier.signals)}
         self._outside = tracker.classifier.outside
-        self._questions: dict[Candidates, _Question] = {}
+        self._nodes: dict[Candidates, _Node] = {}
         phases = tuple(
-            (tuple(_conjuncts(expanded(predicate))), index)
+            (tuple(flattened(All, expanded(predicate))), index)
             for index, predicate in enumerate(tracker.classifier.predicates)
         )
-        self._first = [
-            self._question(phases if stays is None else ((tuple(_conjuncts(stays)), index), *phases))
-            # Nobody stays outside, or where nothing was seen yet.
+        self._roots = [
+            self._node(phases if stays is None else ((tuple(flattened(All, stays)), index), *phases))
+            # There is no staying outside, or before the first sample.
             for index, stays in enumerate((*tracker.staying, None, None))
         ]
 
     def locate(self, values: Sequence[float], previous: int) -> int:
-        """Where the run is, which was at the location `previous`, or *none yet*, one sample ago.
+        """The location at a sample, after the location `previous`, or *none yet*, at the one before.
 
         **Arguments:** `values`: the behaviour's signals in its order.
         """
@@ -53,33 +53,33 @@ class DecisionDiagram:
         total = sum(values)
         if total != total and any(map(math.isnan, values)):
             return self._outside
-        question = self._first[previous]
-        while (holds := question.holds) is not None:
-            signal = question.signal
-            answer = holds(values if signal is None else values[signal], question.bound)
-            question = question.after[answer] or self._follow(question, answer)
-        return question.location
+        node = self._roots[previous]
+        while (holds := node.holds) is not None:
+            signal = node.signal
+            result = holds(values if signal is None else values[signal], node.bound)
+            node = node.after[result] or self._follow(node, result)
+        return node.location
 
-    def _follow(self, question: _Question, answer: bool) -> _Question:
-        """What to ask after an answer that nobody gave before."""
-        asked, left = _asked(question.candidates), []
-        fulfilled, refuted = (asked, Not(asked)) if answer else (Not(asked), asked)
-        for conditions, location in question.candidates:
+    def _follow(self, node: _Node, result: bool) -> _Node:
+        """The next node, built at its first use."""
+        tested, left = _tested(node.candidates), []
+        fulfilled, refuted = (tested, Not(tested)) if result else (Not(tested), tested)
+        for conditions, location in node.candidates:
             if refuted not in conditions:
                 left.append((tuple(one for one in conditions if one != fulfilled), location))
-        following = question.after[answer] = self._question(tuple(left))
+        following = node.after[result] = self._node(tuple(left))
         return following
 
-    def _question(self, candidates: Candidates) -> _Question:
-        """The question about the first candidate, or the answer that it is the one."""
-        if candidates not in self._questions:
+    def _node(self, candidates: Candidates) -> _Node:
+        """The node that tests the first candidate, or the leaf that it is the one."""
+        if candidates not in self._nodes:
             conditions, location = candidates[0] if candidates else ((), self._outside)
-            asked = self._asking(_asked(candidates)) if conditions else (None, None, 0.0)
-            self._questions[candidates] = _Question(candidates, location, *asked)
-        return self._questions[candidates]
+            tested = self._test(_tested(candidates)) if conditions else (None, None, 0.0)
+            self._nodes[candidates] = _Node(candidates, location, *tested)
+        return self._nodes[candidates]
 
-    def _asking(self, predicate: Predicate) -> tuple[Holds, int | None, float]:
-        """How a predicate is asked; see `_Question`."""
+    def _test(self, predicate: Predicate) -> tuple[Holds, int | None, float]:
+        """The test of a predicate; see `_Node`."""
         match predicate:
             case Comparison(Variable(signal), relation, Number(bound)) | Comparison(
                 Variable(signal), relation, Constant(number=Number(bound))
@@ -90,30 +90,22 @@ class DecisionDiagram:
 
 
 @dataclass(slots=True, eq=False)
-class _Question:
+class _Node:
     candidates: Candidates
     location: int
-    """Where the run is, if there is nothing to ask."""
+    """The result at a leaf."""
     holds: Holds | None
-    """Most predicates are a relation of a `signal` to a `bound`; any other is asked of all signals."""
+    """The test, `None` at a leaf: mostly a relation of a `signal` to a `bound`, otherwise of all signals."""
     signal: int | None
     bound: float
-    after: list[_Question | None] = field(default_factory=lambda: [None, None])
-    """What to ask after a no and after a yes, as far as that was ever needed."""
+    after: list[_Node | None] = field(default_factory=lambda: [None, None])
+    """The nodes after failing and after holding, as far as they have been reached."""
 
 
-def _asked(candidates: Candidates) -> Predicate:
-    """The first predicate that the first candidate depends on; a `Not` is the answer to its part."""
+def _tested(candidates: Candidates) -> Predicate:
+    """The first predicate that the first candidate depends on; a `Not` is decided by its part."""
     condition = candidates[0][0][0]
     return condition.part if isinstance(condition, Not) else condition
-
-
-def _conjuncts(predicate: Predicate) -> Iterator[Predicate]:
-    if isinstance(predicate, All):
-        for part in predicate.parts:
-            yield from _conjuncts(part)
-    else:
-        yield predicate
 
 
 class _AsInColumns:

@@ -1,4 +1,4 @@
-"""Run a hybrid automaton: flow in a location until its invariant fails or something happens to the plant."""
+"""Execution of a hybrid automaton: it flows in a location until its invariant fails or an event occurs."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ _NUM_SUBSTEPS = 4
 _MAX_TRANSITIONS_IN_A_STEP = 100
 
 
-class Status(enum.Enum):
+class Termination(enum.Enum):
     """How an execution ended."""
 
     COMPLETED = "The execution ran for its full time."
     START_OUTSIDE = "x0 is in no location."
     DEADLOCK = "Deadlock: the location must be left, and no edge can be taken."
-    NONDETERMINISM = "Nondeterminism: there is more than one way to go on."
-    ZENO = "Zeno: the transitions crowd together without end."
+    NONDETERMINISM = "Nondeterminism: there is more than one continuation."
+    ZENO = "Zeno: transitions accumulate without end."
     FELL = "The plant fell."
-    NOT_FINITE = "The state ran out of finite numbers."
+    NOT_FINITE = "The state is no longer finite."
 
     @property
     def sentence(self) -> str:
-        """The status in words."""
+        """The termination in words."""
         return self.value
 
 
@@ -63,9 +63,9 @@ class Execution:
     """The location of each row."""
     transitions: tuple[Transition, ...]
     """The edges that were taken, in time."""
-    status: Status
+    termination: Termination
     sentence: str
-    """When and how the execution ended, and why, for people."""
+    """When and how the execution ended, and why, in words."""
     final_time: float
     """When it ended [s]."""
     final_state: Float[np.ndarray, " state"]
@@ -81,31 +81,31 @@ def execute(
 ) -> Execution:
     """Execute the automaton from a state, in float64, with the control held over each control step.
 
-    The first moment at which the invariant fails or something happens to the plant is bisected down to
-    neighbouring floating-point numbers, so a boundary that is crossed between two of them counts as crossed.
-    What happens to the plant comes before an invariant that fails at the same moment.
+    The first moment at which the invariant fails or an event occurs is bisected down to neighbouring
+    floating-point numbers, so a boundary that is crossed between two of them counts as crossed. An event
+    precedes an invariant that fails at the same moment.
 
     **Arguments:**
 
-    - `x0`: the plant's state at time 0; it may be in no location, and `status` then says so.
+    - `x0`: the plant's state at time 0; it may be in no location: see `termination`.
     - `controller`: a pure function of the state that JAX can trace.
     - `seconds`, `control_dt`: how long to execute, and how long to hold the control [s].
 
-    **Returns:** the `Execution`. Nothing is raised where the automaton is stuck: `sentence` tells.
+    **Returns:** the `Execution`. Nothing is raised where the automaton is stuck: see `sentence`.
     """
     with jax.enable_x64(True):
         return _Executor(automaton, controller).run(jnp.asarray(x0, jnp.float64), seconds, control_dt)
 
 
 class _End(Exception):
-    """The execution is over, in this state."""
+    """The end of an execution, in this state."""
 
-    def __init__(self, status: Status, state: Array, details: str = ""):
-        self.status, self.state, self.details = status, state, details
+    def __init__(self, termination: Termination, state: Array, details: str = ""):
+        self.termination, self.state, self.details = termination, state, details
 
 
 class _Look(NamedTuple):
-    """All that an execution evaluates of a state."""
+    """Everything that an execution evaluates at a state."""
 
     x: Float[Array, " state"]
     signals: Float[Array, " signals"]
@@ -117,7 +117,7 @@ class _Look(NamedTuple):
 
 
 class _Executor:
-    """One execution under way, and what has been recorded of it."""
+    """One execution in progress, and its record so far."""
 
     def __init__(self, automaton: HybridAutomaton, controller: Callable[[Array], Array]):
         self.automaton = automaton
@@ -146,14 +146,14 @@ class _Executor:
 
     def run(self, x: Array, seconds: float, control_dt: float) -> Execution:
         """Execute until the time is up or an `_End` is raised."""
-        status, details = Status.COMPLETED, ""
+        termination, details = Termination.COMPLETED, ""
         try:
             location = self.start(x)
             self.rows.append((0.0, x, location))
             for step in range(round(seconds / control_dt)):
                 x, location = self.control_step(x, location, step * control_dt, control_dt)
         except _End as end:
-            x, status, details = end.state, end.status, end.details
+            x, termination, details = end.state, end.termination, end.details
         times, states, locations = zip(*self.rows, strict=True) if self.rows else ((), (), ())
         time = times[-1] if times else 0.0
         return Execution(
@@ -161,8 +161,8 @@ class _Executor:
             states=np.array(states, np.float64).reshape(-1, x.size),
             locations=locations,
             transitions=tuple(self.transitions),
-            status=status,
-            sentence=f"t = {time:.4f} s: {status.sentence} {details}".rstrip(),
+            termination=termination,
+            sentence=f"t = {time:.4f} s: {termination.sentence} {details}".rstrip(),
             final_time=time,
             final_state=np.asarray(x),
         )
@@ -172,9 +172,11 @@ class _Executor:
         here = self.look(x)
         possible = [location for location in self.automaton.locations if self.inside(location, here)]
         if not possible:
-            raise _End(Status.START_OUTSIDE, x, f"It is {self.listing(here)}.")
+            raise _End(Termination.START_OUTSIDE, x, f"It is {self.listing(here)}.")
         if len(possible) > 1:
-            raise _End(Status.NONDETERMINISM, x, f"{self.listing(here)} is in {' and in '.join(possible)}.")
+            raise _End(
+                Termination.NONDETERMINISM, x, f"{self.listing(here)} is in {' and in '.join(possible)}."
+            )
         return possible[0]
 
     def control_step(self, x: Array, location: str, start: float, duration: float) -> tuple[Array, str]:
@@ -202,11 +204,11 @@ class _Executor:
                 ahead = look_ahead(before, control, h)
                 x, elapsed = ahead.x, end if h == end - elapsed else elapsed + h
                 if not jnp.all(jnp.isfinite(x)):
-                    raise _End(Status.NOT_FINITE, before)
+                    raise _End(Termination.NOT_FINITE, before)
                 self.rows.append((start + elapsed, x, location))
                 event = self.event_at(ahead, armed)
                 if self.falls(ahead) and event is None:
-                    raise _End(Status.FELL, x)
+                    raise _End(Termination.FELL, x)
                 if event is not None and not event.restarts_clock and event.name not in self.carried:
                     x = event.reset(x)
                     self.rows.append((start + elapsed, x, location))
@@ -215,7 +217,7 @@ class _Executor:
                     x, location = self.take_edge(x, location, None if event is None else event.name)
                     num_transitions += 1
                 if num_transitions > _MAX_TRANSITIONS_IN_A_STEP:
-                    raise _End(Status.ZENO, x, f"There were {num_transitions} within {elapsed:.3g} s.")
+                    raise _End(Termination.ZENO, x, f"There were {num_transitions} within {elapsed:.3g} s.")
         return x, location
 
     def take_edge(self, x: Array, location: str, event: str | None) -> tuple[Array, str]:
@@ -226,12 +228,12 @@ class _Executor:
         occasion = f"On {event} in {location}" if event else f"Leaving {location}"
         if len(possible) > 1:
             ways = " and ".join(map(str, possible))
-            raise _End(Status.NONDETERMINISM, x, f"{occasion} at {self.listing(self.look(x))}: {ways}.")
+            raise _End(Termination.NONDETERMINISM, x, f"{occasion} at {self.listing(self.look(x))}: {ways}.")
         if not possible:
             end = after[edges[0]] if len(edges) == 1 else self.look(x)
             needs = [f"{edge} needs {self.missing(edge.target, after[edge])}" for edge in edges]
             why = "; ".join(needs) or "there is no edge for that"
-            raise _End(Status.DEADLOCK, end.x, f"{occasion} the state is {self.listing(end)}: {why}.")
+            raise _End(Termination.DEADLOCK, end.x, f"{occasion} the state is {self.listing(end)}: {why}.")
         (edge,) = possible
         time = self.rows[-1][0]
         self.transitions.append(Transition(time, edge))
@@ -267,7 +269,7 @@ class _Executor:
         return dict(zip(self.names, np.asarray(here.signals).tolist(), strict=True))
 
     def listing(self, here: _Look) -> str:
-        """The data variables for people."""
+        """The data variables as text."""
         return "(" + ", ".join(f"{name} = {value:.4g}" for name, value in self.values(here).items()) + ")"
 
 
@@ -282,6 +284,6 @@ def _first(happens: Callable[[float], bool], end: float) -> float:
 
 
 def _spelt_out(part: Predicate) -> str:
-    """A predicate as it is written, and in numbers where it is written in words."""
+    """A predicate as it is written, and its comparisons where it is written in phrases."""
     numbers = " and ".join(map(str, conjuncts(part)))
     return f"{part} ({numbers})" if phrases_of(part) else str(part)

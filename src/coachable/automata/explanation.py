@@ -1,4 +1,4 @@
-"""A recorded trace explained: what `coachable explain` does and prints."""
+"""The explanation of a recorded trace, as `coachable explain` prints it."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ import pyarrow as pa
 from pyarrow import csv as pa_csv
 
 from coachable.automata.monitor import Monitor
-from coachable.automata.monitor_report import Report
+from coachable.automata.monitor_report import MonitorReport
+from coachable.automata.trace import seconds
 from coachable.automata.trace_file import read_trace
-from coachable.automata.violation import Violation, seconds
+from coachable.automata.violation import Violation
 from coachable.behaviours.behaviour import Behaviour, Edge
 from coachable.foundation.errors import TraceError
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """The report on a whole trace, and its first violations, of which one may be enough to see the rest."""
+    """The report on a whole trace, and its first violations."""
 
     trace: str
-    report: Report
+    report: MonitorReport
     shown: tuple[Violation, ...]
 
 
@@ -34,15 +35,15 @@ def explain(
     dt: float | None = None,
     limit: int | None = 20,
     phases: Path | None = None,
-    progress: Callable[[Report], None] = lambda report: None,
+    progress: Callable[[MonitorReport], None] = lambda report: None,
 ) -> Explanation:
-    """Watch a recorded trace from its first row to its last, in constant memory but for what is shown.
+    """Monitor a recorded trace from its first row to its last, in constant memory except for the result.
 
     **Arguments:** `dt`, the time between rows if the file has no time column [s]; `limit`, how many
     violations to keep, `None` for all; `phases`, a CSV file to write, the phase at each moment; `progress`,
     called every some ten thousand rows.
 
-    **Raises:** `TraceError` for a file that `read_trace` or the monitor does not take, or without rows, and
+    **Raises:** `TraceError` for a file that `read_trace` refuses, or without rows, and
     if `phases` is the trace itself.
     """
     if phases is not None and phases.exists() and trace.exists() and phases.samefile(trace):
@@ -50,12 +51,9 @@ def explain(
     monitor, shown = Monitor(behaviour), []
     with _phase_writer(phases, behaviour) as write:
         for chunk in read_trace(trace, behaviour.signals, dt):
-            try:
-                locations, violations = monitor.feed_rows(chunk.times, chunk.values)
-            except TraceError as error:
-                raise TraceError(f"{trace}: {error}") from None
+            locations, violations = monitor.feed_rows(chunk.time, chunk.values)
             shown += violations if limit is None else violations[: max(limit - len(shown), 0)]
-            write(chunk.times, locations)
+            write(chunk.time, locations)
             progress(monitor.report())
     report = monitor.report()
     if not report.samples:
@@ -64,7 +62,7 @@ def explain(
 
 
 def as_text(explanation: Explanation) -> str:
-    """The explanation for people."""
+    """The explanation as text."""
     report, behaviour = explanation.report, explanation.report.behaviour
     total = sum(report.violations.values())
     lines = [
@@ -92,7 +90,7 @@ def as_text(explanation: Explanation) -> str:
 
 
 def as_json(explanation: Explanation) -> dict[str, object]:
-    """The explanation for programs; times in seconds."""
+    """The explanation as JSON values; times in seconds."""
     report, behaviour = explanation.report, explanation.report.behaviour
     return {
         "trace": explanation.trace,
@@ -133,7 +131,7 @@ def _violation(violation: Violation) -> dict[str, object]:
     }
 
 
-def _phase_table(report: Report) -> list[str]:
+def _phase_table(report: MonitorReport) -> list[str]:
     width = max(len("phase"), *map(len, report.stays))
     lines = [f"  {'phase':<{width}}  samples  whole stays     mean  shortest   longest [s]"]
     for name, stays in report.stays.items():
@@ -159,7 +157,7 @@ def _walk(cycle: tuple[Edge, ...]) -> str:
 def _phase_writer(
     path: Path | None, behaviour: Behaviour
 ) -> Iterator[Callable[[np.ndarray, np.ndarray], None]]:
-    """What writes down the phase at each moment, if anybody asked for it; outside it is empty."""
+    """A function that writes the phase at each sample to a file, if there is one; outside it is empty."""
     if path is None:
         yield lambda times, locations: None
         return

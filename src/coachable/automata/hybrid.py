@@ -27,13 +27,13 @@ class HybridAutomaton:
     """ℋ = (V_D, Q, E, μ₁, μ₂, μ₃), Harnack et al., CDC 2023, section II, after Alur and Henzinger.
 
     An edge without an event is taken when the invariant of its source fails and that of its target holds. An
-    edge with an event is taken when that happens to the plant, if the invariant of its target then holds. So
-    is (O4, O1) of ideal walking at touchdown. By the paper's words, which know no events, it never could be,
-    for the invariant of O4 stays true there.
+    edge with an event is taken when that event occurs, if the invariant of its target then holds. So is
+    (O4, O1) of ideal walking at touchdown. By the paper's definition, which has no events, it never could
+    be taken, for the invariant of O4 stays true there.
     """
 
     data_variables: tuple[Signal, ...]
-    """V_D, what the invariants speak of."""
+    """V_D, the variables of the invariants."""
     locations: tuple[str, ...]
     """Q, one a phase."""
     edges: tuple[Edge, ...]
@@ -45,25 +45,23 @@ class HybridAutomaton:
     resets: Mapping[Edge, Reset]
     """μ₃(e): from the state before the edge to the one after; the identity on edges without an event."""
     plant: Plant
-    """What flows: it gives the data variables their values, and events."""
+    """The source of the flow, of the data variables' values, and of events."""
 
     @staticmethod
     def of(behaviour: Behaviour, plant: Plant) -> HybridAutomaton:
         """The automaton of a behaviour on a plant: in every phase the plant flows, at an event it jumps.
 
-        The reset maps are the plant's; what an edge's own `reset` states about them is not used.
+        The plant defines the jump; an edge's own `reset` is not used.
 
-        **Raises:** `BehaviourError` if an edge carries an event that does not happen to the plant, or a reset
-        without an event: nothing then makes the plant jump.
+        **Raises:** `BehaviourError` if an edge carries an event that the plant does not have, or a reset
+        without an event, so that the plant never jumps.
         """
         jumps: dict[str | None, Reset] = {None: _identity}
         jumps |= {event.name: event.reset for event in plant.events}
         for edge in behaviour.edges:
             if edge.event not in jumps:
                 known = suggestion(str(edge.event), [event.name for event in plant.events])
-                raise BehaviourError(
-                    f"edge {edge}: nothing called {edge.event!r} happens to the plant; {known}"
-                )
+                raise BehaviourError(f"edge {edge}: the plant has no event called {edge.event!r}; {known}")
             if edge.event is None and edge.reset:
                 raise BehaviourError(
                     f"edge {edge}: it resets {', '.join(change.signal for change in edge.reset)}, but has no "

@@ -1,4 +1,4 @@
-"""Watch recorded signals: is this the behaviour, and where is it not?"""
+"""Monitoring of recorded signals: whether they follow a behaviour, and where they do not."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from jaxtyping import Float, Int
 
 from coachable.automata.cycle_progress import Pairs, Progress, along_cycle, choose, pairs
 from coachable.automata.decision_diagram import DecisionDiagram
-from coachable.automata.monitor_report import Report, Stays
+from coachable.automata.monitor_report import MonitorReport, Stays
+from coachable.automata.trace import not_increasing, require_equal_lengths, require_increasing
 from coachable.automata.tracker import CLOCK_TOLERANCE, Tracker
-from coachable.automata.violation import Kind, Violation, seconds
+from coachable.automata.violation import Kind, Violation
 from coachable.behaviours.behaviour import Behaviour, Dwell
 from coachable.foundation.errors import TraceError
 from coachable.foundation.suggestion import suggestion
@@ -21,12 +22,12 @@ Column = Sequence[int | float] | np.ndarray
 
 
 class Monitor:
-    """Watches a trace sample by sample or chunk by chunk, in constant memory; how it is cut changes nothing.
+    """A monitor of a trace, fed sample by sample or in parts, in constant memory; the parts do not matter.
 
-    `Tracker` says where the trace is, deadbands and dwell times included. A violation is what r_or in the
-    variant `stay` punishes, told once where the reward goes on punishing: starting in no phase, leaving all
-    phases (until the trace is back in one), going where no edge leads, leaving a phase too soon, and staying
-    in one too long (until it is left).
+    `Tracker` locates the samples, with deadbands and dwell times. A violation is a step with negative r_or in
+    the variant `stay`, reported once where the reward stays negative: starting in no phase, leaving all
+    phases (until the trace is back in one), a transition without an edge, leaving a phase too soon, and
+    staying in one too long (until it is left).
 
         monitor = Monitor(load_behaviour("compass-walking"))
         for t, x in log:
@@ -52,11 +53,11 @@ class Monitor:
 
     @property
     def phase(self) -> str | None:
-        """The phase at the last sample; `None` outside and before anything was seen."""
+        """The phase at the last sample; `None` outside and before the first sample."""
         return self._name(self._location)
 
     def feed(self, t: float, values: Mapping[str, float]) -> tuple[Violation, ...]:
-        """Watch one sample, and return what was wrong with it.
+        """Process one sample and return its violations.
 
         **Arguments:** `t`, its time [s]; `values`, the signals by name, NaN where one is missing; others than
         the behaviour's are ignored.
@@ -77,7 +78,7 @@ class Monitor:
     def feed_rows(
         self, times: Column, values: Mapping[str, Column]
     ) -> tuple[Int[np.ndarray, " samples"], tuple[Violation, ...]]:
-        """Watch the next samples in a row.
+        """Process the next consecutive samples.
 
         **Arguments:** `times` [s]; `values`, a column for each signal. A sample with a NaN in one of the
         behaviour's signals is in no phase.
@@ -85,7 +86,7 @@ class Monitor:
         **Returns:** the location at each sample, a phase 0 … K−1 or K outside, and the violations in their
         order.
 
-        **Raises:** `TraceError`, and the samples then count as not seen, if a signal has no column, if a
+        **Raises:** `TraceError`, leaving the monitor unchanged, if a signal has no column, if a
         column is not numbers or not as long as `times`, or if times are not finite and increasing.
         """
         times, columns = self._columns(times, values)
@@ -115,12 +116,12 @@ class Monitor:
         self._samples_at += np.bincount(locations, minlength=len(self._samples_at))
         return locations, self._seen(float(times[0]), float(times[-1]), found)
 
-    def report(self) -> Report:
-        """What there is to say about all that was watched so far."""
+    def report(self) -> MonitorReport:
+        """The report on all samples so far."""
         names = self.behaviour.phase_names
-        return Report(
+        return MonitorReport(
             behaviour=self.behaviour,
-            samples=int(self._samples_at.sum()),
+            samples=self._num_samples,
             start=None if math.isnan(self._start) else self._start,
             end=None if math.isnan(self._last) else self._last,
             samples_in=dict(zip(names, self._samples_at[:-1].tolist(), strict=True)),
@@ -134,17 +135,17 @@ class Monitor:
         return self.behaviour.phase_names[location] if location < len(self.behaviour.phases) else None
 
     def _due(self) -> Dwell | None:
-        """The dwell time that says when the trace must have left, unless it was told that it overstays."""
+        """The dwell time that limits the current stay, unless its violation was reported already."""
         dwell = self._dwell()
         return None if dwell is None or self._overdue or math.isinf(dwell.at_most) else dwell
 
     def _overstay(self, time: float, here: dict[str, float]) -> Violation:
-        """The trace is still where it should have left."""
+        """The violation of staying too long."""
         self._overdue = True
         return self._violation(Kind.TOO_LONG, self._location, time, here)
 
     def _move(self, target: int, time: float, tolerance: float, here: dict[str, float]) -> list[Violation]:
-        """The trace goes elsewhere; what is wrong with that."""
+        """Move to another location; the violations of that."""
         source, outside, dwell = self._location, self._tracker.classifier.outside, self._dwell()
         kinds = []
         if source == self._tracker.none_yet:
@@ -157,7 +158,7 @@ class Monitor:
             kinds.append(Kind.TOO_SHORT)
         found = [self._violation(kind, target, time, here) for kind in kinds]
         for cycle in self._cycles:
-            cycle.go(source, target)
+            cycle.advance(source, target)
         if self._entered and source != outside:
             self._stays[source] = self._stays[source].and_one_of(time - self._since)
         self._entered = source != self._tracker.none_yet
@@ -170,7 +171,7 @@ class Monitor:
         return Violation(kind, time, source, self._name(target), duration, here, self.behaviour)
 
     def _seen(self, first: float, last: float, found: list[Violation]) -> tuple[Violation, ...]:
-        """Keep what is kept of all that was watched."""
+        """Record processed samples and their violations."""
         if math.isnan(self._start):
             self._start = first
         self._last = last
@@ -185,9 +186,9 @@ class Monitor:
     def _sample(self, t: float, values: Mapping[str, float]) -> dict[str, float]:
         self._require_signals(values)
         if not math.isfinite(t):
-            raise TraceError(f"sample {self._number(0)}: its time is not a number")
+            raise TraceError(f"sample {self._num_samples + 1}: its time is not a number")
         if t <= self._last:
-            raise self._backwards(0, self._last, t)
+            raise not_increasing(self._num_samples + 1, self._last, t)
         here = {name: values[name] for name in self.behaviour.signal_names}
         for name, value in here.items():
             try:
@@ -202,17 +203,8 @@ class Monitor:
         self._require_signals(values)
         times = _numbers("the time", times)
         columns = {name: _numbers(f"signal {name}", values[name]) for name in self.behaviour.signal_names}
-        for name, column in columns.items():
-            if column.shape != times.shape:
-                raise TraceError(f"signal {name} has {len(column)} samples, but there are {len(times)} times")
-        if not np.all(np.isfinite(times)):
-            raise TraceError(
-                f"sample {self._number(np.argmin(np.isfinite(times)))}: its time is not a number"
-            )
-        steps = np.diff(times, prepend=-math.inf if math.isnan(self._last) else self._last)
-        if not np.all(steps > 0):
-            row = int(np.argmin(steps > 0))
-            raise self._backwards(row, float(times[row - 1] if row else self._last), float(times[row]))
+        require_equal_lengths(times, columns)
+        require_increasing(times, -math.inf if math.isnan(self._last) else self._last, self._num_samples)
         return times, columns
 
     def _require_signals(self, values: Mapping[str, object]) -> None:
@@ -221,19 +213,13 @@ class Monitor:
                 others = [other for other in values if other not in self.behaviour.signal_names]
                 raise TraceError(f"signal {name} has no value; {suggestion(name, others or values)}")
 
-    def _backwards(self, row: int, last: float, time: float) -> TraceError:
-        return TraceError(
-            f"sample {self._number(row)}: the time goes from {seconds(last)} s to {seconds(time)} s; "
-            f"it must increase from sample to sample"
-        )
-
-    def _number(self, row: int | np.integer) -> int:
-        """Counted from 1 over all that was fed."""
-        return int(self._samples_at.sum()) + int(row) + 1
+    @property
+    def _num_samples(self) -> int:
+        return int(self._samples_at.sum())
 
 
 class _Cycle:
-    """Counts how often a cycle is completed."""
+    """Counts completions of a closed walk, starting from any of its edges."""
 
     def __init__(self, edges: Pairs):
         self.completed = 0
@@ -242,7 +228,7 @@ class _Cycle:
         self._after: dict[tuple[Progress, int, int], tuple[Progress, bool]] = {}
         """What each move led to, for a trace makes the same few again and again."""
 
-    def go(self, source: int, target: int) -> None:
+    def advance(self, source: int, target: int) -> None:
         case = (self._progress, source, target)
         if case not in self._after:
             self._after[case] = along_cycle(self._edges, *case, where=choose)

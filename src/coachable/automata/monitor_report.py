@@ -1,4 +1,4 @@
-"""A watched trace in numbers."""
+"""Statistics of a monitored trace."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from coachable.behaviours.behaviour import Behaviour
 
 @dataclass(frozen=True)
 class Stays:
-    """How long a trace was in a phase each time [s]; stays whose beginning or end nobody saw do not count."""
+    """Durations of the stays in a phase [s]; stays without an observed beginning or end do not count."""
 
     count: int = 0
     total: float = 0.0
@@ -35,8 +35,8 @@ class Stays:
 
 
 @dataclass(frozen=True)
-class Report:
-    """A trace in numbers, up to where it has been watched."""
+class MonitorReport:
+    """Statistics of a trace, up to the last sample processed."""
 
     behaviour: Behaviour = field(repr=False)
     samples: int
@@ -49,10 +49,10 @@ class Report:
     stays: Mapping[str, Stays]
     """How long they were, phase by phase."""
     cycles: tuple[int, ...]
-    """How often each of the behaviour's cycles was completed: all its edges gone along, one after another,
-    from whichever of them on."""
+    """Completions of each of the behaviour's cycles: all its edges taken one after another, from any of
+    them on."""
     violations: Mapping[Kind, int]
-    """How many there were of each kind that there was."""
+    """The number of violations of each kind that occurred."""
     first: Violation | None
     """The first violation."""
 

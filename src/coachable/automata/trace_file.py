@@ -1,4 +1,4 @@
-"""Recorded signals from a file, chunk by chunk: CSV, also compressed, and Parquet."""
+"""Traces in files: CSV, also compressed, and Parquet; read in parts, so that any length fits in memory."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import io
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pyarrow import csv as pa_csv
 
+from coachable.automata.trace import Trace, require_increasing
 from coachable.behaviours.predicates import Signal
 from coachable.foundation.errors import TraceError
 from coachable.foundation.suggestion import suggestion
@@ -29,18 +29,8 @@ _BYTES_OF_CSV = 1 << 20
 _LONGEST_HEADER = 1 << 20
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """Some rows of a trace."""
-
-    times: np.ndarray
-    """[s]"""
-    values: dict[str, np.ndarray]
-    """A column for each signal; NaN where the file has nothing."""
-
-
-def read_trace(path: Path, signals: tuple[Signal, ...], dt: float | None = None) -> Iterator[Chunk]:
-    """The rows of a recorded trace, in chunks of some ten thousand.
+def read_trace(path: Path, signals: tuple[Signal, ...], dt: float | None = None) -> Iterator[Trace]:
+    """The trace in a file, in consecutive parts of some ten thousand samples.
 
     A CSV file has a header; a column is named after its signal, with the unit behind it in brackets or
     without: `dtheta_1` or `dtheta_1 [rad/s]`. Other columns are not read. The suffix decides: `.parquet`
@@ -50,7 +40,7 @@ def read_trace(path: Path, signals: tuple[Signal, ...], dt: float | None = None)
     of the time column, `t` or `time`, of which one that is no signal is taken first.
 
     **Raises:** `TraceError` if the file is not there or damaged, if a column is missing, there twice, in
-    another unit or not of numbers, or if there is no time.
+    another unit or not of numbers, if there is no time, or if it does not increase.
     """
     if not path.is_file():
         raise TraceError(f"{path}: there is no such file")
@@ -60,29 +50,28 @@ def read_trace(path: Path, signals: tuple[Signal, ...], dt: float | None = None)
         names = _parquet_names(path) if _is_parquet(path) else _csv_names(path)
         columns = _columns(path, names, signals, with_time=dt is None)
         batches = _parquet_batches(path, columns) if _is_parquet(path) else _csv_batches(path, columns)
-        rows = 0
+        rows, previous = 0, -math.inf
         for batch in batches:
             arrays = dict(zip(columns, map(_floats, batch.columns), strict=True))
-            times = arrays.pop("") if dt is None else np.arange(rows, rows + batch.num_rows) * dt
-            rows += batch.num_rows
-            yield Chunk(times, arrays)
+            time = arrays.pop("") if dt is None else np.arange(rows, rows + batch.num_rows) * dt
+            _require_increasing(path, time, previous, rows)
+            rows, previous = rows + len(time), float(time[-1]) if len(time) else previous
+            yield Trace(time, signals, arrays)
     except (pa.ArrowException, OSError, UnicodeDecodeError, csv.Error) as error:
         raise TraceError(f"{path}: cannot be read: {_first_line(error)}") from None
 
 
-def write_trace(
-    path: Path, times: np.ndarray, signals: tuple[Signal, ...], values: Mapping[str, np.ndarray]
-) -> None:
-    """Write what `read_trace` reads: a column `t [s]`, and one for each signal with its unit.
+def write_trace(path: Path, trace: Trace) -> None:
+    """Write a file for `read_trace`: a column `t [s]`, and one for each signal with its unit.
 
     Numbers are written so that the very same are read again. The suffix decides as in `read_trace`.
 
     **Raises:** `TraceError` for a suffix that is neither of CSV nor of Parquet, or if nothing can be written
     there.
     """
-    columns = {"t [s]": times} | {
-        f"{signal.name} [{signal.unit}]" if signal.unit else signal.name: values[signal.name]
-        for signal in signals
+    columns = {"t [s]": trace.time} | {
+        f"{signal.name} [{signal.unit}]" if signal.unit else signal.name: trace.values[signal.name]
+        for signal in trace.signals
     }
     table = pa.table(columns)
     try:
@@ -95,6 +84,13 @@ def write_trace(
             raise TraceError(f"{path}: give a file that ends in .csv, .csv.gz or .parquet")
     except OSError as error:
         raise TraceError(f"{path}: cannot be written: {_first_line(error)}") from None
+
+
+def _require_increasing(path: Path, time: np.ndarray, previous: float, num_before: int) -> None:
+    try:
+        require_increasing(time, previous, num_before)
+    except TraceError as error:
+        raise TraceError(f"{path}: {error}") from None
 
 
 def _columns(path: Path, names: list[str], signals: tuple[Signal, ...], *, with_time: bool) -> dict[str, str]:
@@ -120,7 +116,7 @@ def _columns(path: Path, names: list[str], signals: tuple[Signal, ...], *, with_
         times = sorted((name for name in TIME_NAMES if name in found), key=own.__contains__)
         if not times:
             raise TraceError(
-                f"{path}: there is no column t or time; say with --dt how many seconds lie between two rows"
+                f"{path}: there is no column t or time; give the time between two rows with --dt [s]"
             )
         columns[""] = column_of("the time", times[0], "s")
     for signal in signals:

@@ -1,4 +1,4 @@
-"""Where a run is, given where it was: the phase with its memory, which deadbands and dwell times need."""
+"""The phase of a trajectory, with the memory that deadbands and dwell times need."""
 
 from __future__ import annotations
 
@@ -11,46 +11,47 @@ from jaxtyping import Bool, Float, Int
 
 from coachable.automata.classifier import Classifier, array_library, holds_at
 from coachable.behaviours.behaviour import Behaviour, Dwell, Phase
-from coachable.behaviours.predicates import Comparison, Predicate, subpredicates
+from coachable.behaviours.predicates import Comparison, Predicate
 from coachable.behaviours.rewriting import expanded, widened
+from coachable.behaviours.tree import walk
 
 CLOCK_TOLERANCE = 1e-3
 """A dwell time is violated only by more than this share of a sample: sums of steps are not exact."""
 
 
 class Memory(NamedTuple):
-    """What a run remembers from one sample to the next, in any batch shape; for JAX it is a pytree."""
+    """The memory from one sample to the next, in any batch shape; for JAX it is a pytree."""
 
     location: Int[Any, "*batch"]
-    """A phase 0 … K−1, K outside all of them, or K+1: *none yet*, before anything was seen."""
+    """A phase 0 … K−1, K outside all of them, or K+1: *none yet*, before the first sample."""
     time: Float[Any, "*batch"] | None = None
     """From the first sample there to the last [s]; `None` without dwell times."""
     entered: Bool[Any, "*batch"] | None = None
-    """Whether it was seen coming there; `None` without dwell times."""
+    """Whether its entry was observed; `None` without dwell times."""
 
 
 class Move(NamedTuple):
-    """What one sample brought."""
+    """The change of location at one sample."""
 
     previous: Int[Any, "*batch"]
-    """Where the run was, or *none yet*."""
+    """The location at the sample before, or *none yet*."""
     location: Int[Any, "*batch"]
-    """Where it is."""
+    """The location at this sample."""
     too_short: Bool[Any, "*batch"] | None = None
-    """Whether it left a phase before its time; `None` without dwell times."""
+    """Whether a phase was left too soon; `None` without dwell times."""
     too_long: Bool[Any, "*batch"] | None = None
-    """Whether it is still in a phase whose time is up; `None` without dwell times."""
+    """Whether a phase has lasted too long; `None` without dwell times."""
 
 
 @dataclass(frozen=True)
 class Tracker:
-    """Follows a run through the phases of a behaviour, sample by sample.
+    """The phases of a trajectory, sample by sample.
 
-    - *Deadband*: a run that was in phase p at the last sample stays in p as long as `widened(p)` holds;
-      otherwise, and for phases without a deadband, the classifier decides. With a NaN a state is outside.
+    - *Deadband*: a trajectory in phase p at one sample stays in p as long as `widened(p)` holds; otherwise,
+      and for phases without a deadband, the classifier decides. With a NaN a state is outside.
     - *Dwell*: the time in a phase runs from the first sample in it. Leaving it before `at_least` is a
-      violation at the sample that has left; every sample inside it beyond `at_most` is one. A phase that
-      nobody saw the run enter, for it began there, is not held to its minimum.
+      violation at the sample that has left; every sample inside it beyond `at_most` is one. A phase in
+      which the trajectory began is not held to its minimum.
 
     A behaviour without either needs no memory but the location, and nothing else is then computed. Like the
     classifier, a tracker is an immutable value, and the same code serves NumPy, JAX and torch.
@@ -58,9 +59,9 @@ class Tracker:
 
     classifier: Classifier
     staying: tuple[Predicate | None, ...]
-    """For each phase with a deadband, where one stays in it."""
+    """For each phase with a deadband, the predicate of staying in it."""
     dwells: tuple[Dwell | None, ...]
-    """For each phase with a dwell time, what it is."""
+    """The dwell time of each phase that has one."""
 
     @staticmethod
     def of(behaviour: Behaviour) -> Tracker:
@@ -76,7 +77,7 @@ class Tracker:
 
     @property
     def none_yet(self) -> int:
-        """K+1, the location before anything was seen."""
+        """K+1, the location before the first sample."""
         return self.classifier.outside + 1
 
     @property
@@ -84,18 +85,18 @@ class Tracker:
         """Whether any phase has a dwell time."""
         return any(self.dwells)
 
-    def before_all(self, signals: Float[Any, "*batch num_signals"]) -> Memory:
-        """The memory of a run of which nothing was seen, for signals like these."""
+    def initial(self, signals: Float[Any, "*batch num_signals"]) -> Memory:
+        """The initial memory, before the first sample, for signals of this shape and dtype."""
         return self._fresh(signals, self.classifier(signals) * 0 + self.none_yet)
 
     def start(self, signals: Float[Any, "*batch num_signals"]) -> Memory:
-        """The memory of a run that starts here: it is in a phase, but nobody saw it come."""
+        """The memory after a first sample: a phase, whose entry was not observed."""
         return self._fresh(signals, self.classifier(signals))
 
     def advance(
         self, memory: Memory, signals: Float[Any, "*batch num_signals"], dt: Float[Any, "..."] | float
     ) -> tuple[Memory, Move]:
-        """The memory after one more sample, and what that sample brought.
+        """The memory after one more sample, and the change of location at that sample.
 
         **Arguments:** `memory`, from the last sample; `signals`, as the classifier takes them; `dt`, the
         time between the two samples [s].
@@ -123,7 +124,7 @@ class Tracker:
     def locate(
         self, signals: Float[Any, "*batch num_signals"], previous: Int[Any, "*batch"]
     ) -> Int[Any, "*batch"]:
-        """Where a run is that was at the location `previous` one sample ago."""
+        """The location at a sample, after the location `previous` at the one before."""
         location = self.classifier(signals)
         if any(self.staying):
             xp, values = array_library(signals), self.classifier.by_name(signals)
@@ -137,10 +138,10 @@ class Tracker:
     def along(
         self, values: Mapping[str, Float[np.ndarray, " samples"]], previous: int
     ) -> Int[np.ndarray, " samples"]:
-        """Where one run is at each of many samples in a row: what `locate` gives sample after sample.
+        """The location of one trajectory at many consecutive samples, as `locate` gives it one by one.
 
-        Without deadbands all samples are classified at once. With them one walks from one way out of a phase
-        to the next: inside a phase with a deadband nothing counts but the first sample that is beyond it.
+        Without deadbands all samples are classified at once. With them the loop steps from one exit of a
+        phase to the next: inside a phase with a deadband only the first sample beyond it matters.
 
         **Arguments:** `values`: a column for each signal; `previous`: the location before the first sample.
         """
@@ -176,8 +177,8 @@ class Tracker:
 def has_deadband(predicate: Predicate) -> bool:
     """Whether any comparison in it has a deadband."""
     return any(
-        isinstance(part, Comparison) and part.deadband is not None and part.deadband.value > 0
-        for part in subpredicates(expanded(predicate))
+        comparison.deadband is not None and comparison.deadband.value > 0
+        for comparison in walk(expanded(predicate), Comparison)
     )
 
 

@@ -1,4 +1,4 @@
-"""What a trace did that its behaviour does not allow, and why, in words."""
+"""Violations of a behaviour by a trace, with their reasons in words."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from coachable.automata.trace import seconds
 from coachable.automata.tracker import has_deadband
 from coachable.behaviours.behaviour import Behaviour, Dwell, Phase
 from coachable.behaviours.expressions import (
@@ -18,7 +19,6 @@ from coachable.behaviours.expressions import (
     Number,
     Variable,
     evaluate,
-    subexpressions,
 )
 from coachable.behaviours.predicates import (
     All,
@@ -33,10 +33,11 @@ from coachable.behaviours.predicates import (
     holds,
 )
 from coachable.behaviours.rewriting import conjuncts, widened
+from coachable.behaviours.tree import fold, walk
 
 
 class Kind(enum.Enum):
-    """In which way a trace leaves its behaviour."""
+    """The kind of a violation."""
 
     START_OUTSIDE = "starts in no phase"
     LEFT = "leaves all phases"
@@ -64,7 +65,7 @@ class Violation:
 
     @property
     def sentence(self) -> str:
-        """When, what and why, for people."""
+        """The time, the violation and its reason in words."""
         return f"t = {seconds(self.time)} s: {self._what()}"
 
     def _what(self) -> str:
@@ -160,27 +161,22 @@ class Violation:
         return f"{subject} {verb} its bound {bound} by {amount:.3g} {unit}".rstrip()
 
 
-def seconds(time: float) -> str:
-    """A time to the microsecond, without zeros at the end."""
-    return f"{round(time, 6) + 0.0:.15g}"
-
-
 def _varies(expression: Expression) -> bool:
-    return any(isinstance(part, Variable) for part in subexpressions(expression))
+    return any(walk(expression, Variable))
 
 
 def _unit(expression: Expression, units: Mapping[str, str]) -> str:
-    """The unit of an expression as far as it can be read off; products are left to the checker."""
-    match expression:
-        case Variable(signal):
-            return units[signal]
-        case Number(unit=unit) | Constant(number=Number(unit=unit)):
-            return unit
-        case Negative(operand):
-            return _unit(operand, units)
-        case Arithmetic(left, "+" | "-", right):
-            return _unit(left, units) or _unit(right, units)
-        case Call("abs" | "min" | "max", arguments):
-            return next(filter(None, (_unit(argument, units) for argument in arguments)), "")
-        case _:
-            return ""
+    """The unit of an expression without products, which are left to the checker."""
+
+    def unit_of(node: Expression, operands: list[str]) -> str:
+        match node:
+            case Variable(signal):
+                return units[signal]
+            case Number(unit=unit) | Constant(number=Number(unit=unit)):
+                return unit
+            case Negative() | Arithmetic(operator="+" | "-") | Call(function="abs" | "min" | "max"):
+                return next(filter(None, operands), "")
+            case _:
+                return ""
+
+    return fold(expression, unit_of)

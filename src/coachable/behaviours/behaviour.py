@@ -1,4 +1,4 @@
-"""A behaviour: phases, each a predicate over signals, and the order in which they follow one another."""
+"""A behaviour: phases, each a predicate over signals, and their order."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
-from coachable.behaviours.expressions import Constant, Expression, Variable, subexpressions
+from coachable.behaviours.expressions import Constant, Expression, Variable
 from coachable.behaviours.predicates import (
     Phrase,
     Predicate,
@@ -20,13 +20,14 @@ from coachable.behaviours.predicates import (
     signals_of,
 )
 from coachable.behaviours.rewriting import unwrapped
+from coachable.behaviours.tree import walk
 from coachable.foundation.errors import BehaviourError
 from coachable.foundation.suggestion import suggestion
 
 
 @dataclass(frozen=True)
 class Dwell:
-    """How long a phase lasts: no less than `at_least` and no more than `at_most` [s].
+    """The duration of a phase: at least `at_least` and at most `at_most` [s].
 
     **Raises:** `BehaviourError` for a time that is negative or not a number, or an infinite `at_least`.
     """
@@ -44,17 +45,19 @@ class Dwell:
             raise BehaviourError("a phase that must last for ever could never be left")
 
     def too_short(self, time: Any, tolerance: Any) -> Any:
-        """Whether a phase left after a time [s], or after each in an array, is left too soon."""
+        """Whether a phase is left too soon after a time [s], or after each in an array."""
         return time < self.at_least - tolerance
 
     def too_long(self, time: Any, tolerance: Any) -> Any:
-        """Whether a phase in which one still is after a time [s] should have been left."""
+        """Whether a phase that still lasts after a time [s] should have been left."""
         return time > self.at_most + tolerance
 
 
 @dataclass(frozen=True)
 class Phase:
-    """A part of the movement: where `predicate` holds. `name` is short (`O1`), `title` is for people.
+    """A part of the movement: the states in which `predicate` holds.
+
+    The `name` is short (`O1`), the `title` descriptive.
 
     A `dwell` limits how long it may last. That takes memory: a state is in the phase whatever the time.
     """
@@ -80,10 +83,10 @@ class Assignment:
 class Edge:
     """Phase `target` may follow phase `source`.
 
-    An `event` names something that happens to the plant at that moment, such as `"touchdown"`; a `reset`
-    says how signals jump then, and signals that it does not name keep their values. They matter where the
+    An `event` is a discrete event of the plant at that moment, such as `"touchdown"`; a `reset` gives the
+    jumps of signals then, and signals that it does not name keep their values. They matter where the
     behaviour is checked and where it is executed as a hybrid automaton; a reward derived from the behaviour
-    sees phases, never events.
+    depends on phases, never on events.
     """
 
     source: str
@@ -100,12 +103,11 @@ class Behaviour:
     """What a movement should look like: K phases over named signals, and the edges between them.
 
     The order of `phases` is part of the meaning: where several hold at once, the first one counts. A
-    state in which none holds is *outside* the behaviour; `outside` is what people call it, if they said
-    that it is meant to be there.
+    state in which none holds is *outside* the behaviour; `outside` is a name for that, if it is intended.
 
-    `cycles` are closed walks along the edges: having gone through one is a cycle completed. `constants` and
-    `vocabulary` are what the predicates are written in, and what is left unused of it; what is missing there
-    is added. An `All` or `Any` of a single part is replaced by the part, for no text tells them apart.
+    `cycles` are closed walks along the edges: taking all edges of one in order completes a cycle.
+    `constants` and `vocabulary` are the names used in the predicates, and unused ones; missing ones are
+    added. An `All` or `Any` of a single part is replaced by the part, which has the same text.
 
     **Raises:** `BehaviourError`, naming the culprit, if there is no phase, if a name is empty or given
     twice, if a phrase or a constant has two meanings, if a predicate reads an undeclared signal, if an edge
@@ -153,15 +155,14 @@ class Behaviour:
                 for end in (edge.source, edge.target):
                     _require_known(f"edge {edge}: unknown phase", end, self.phase_names)
                 for assignment in edge.reset:
-                    nodes = subexpressions(assignment.expression)
-                    read = [node.signal for node in nodes if isinstance(node, Variable)]
+                    read = [variable.signal for variable in walk(assignment.expression, Variable)]
                     for signal in (assignment.signal, *read):
                         _require_known(f"edge {edge}: unknown signal", signal, self.signal_names)
             for cycle in self.cycles:
                 self._require_closed(cycle)
 
     def _complete(self) -> None:
-        """Bring predicates into the form that their text has, and collect what they are written in."""
+        """Bring predicates into the form that their text has, and collect their phrases and constants."""
         phases = tuple(replace(phase, predicate=unwrapped(phase.predicate)) for phase in self.phases)
         given = (replace(phrase, predicate=unwrapped(phrase.predicate)) for phrase in self.vocabulary)
         used = (phrase for phase in phases for phrase in phrases_of(phase.predicate))
@@ -174,8 +175,7 @@ class Behaviour:
             constants |= dict.fromkeys(constants_of(phase.predicate))
         for edge in self.edges:
             for assignment in edge.reset:
-                nodes = subexpressions(assignment.expression)
-                constants |= dict.fromkeys(node for node in nodes if isinstance(node, Constant))
+                constants |= dict.fromkeys(walk(assignment.expression, Constant))
         object.__setattr__(self, "phases", phases)
         object.__setattr__(self, "vocabulary", tuple(vocabulary))
         object.__setattr__(self, "constants", tuple(constants))
@@ -187,7 +187,7 @@ class Behaviour:
             if edge not in self.edges:
                 raise BehaviourError(f"a cycle takes {edge}, which is not an edge")
             if edge.target != following.source:
-                raise BehaviourError(f"a cycle goes on from {edge} with {following}, so it does not close")
+                raise BehaviourError(f"a cycle continues from {edge} with {following}, so it does not close")
 
     @property
     def signal_names(self) -> tuple[str, ...]:
@@ -227,7 +227,7 @@ def _require_known(complaint: str, name: str, known: Iterable[str]) -> None:
 
 @contextmanager
 def located(place: str) -> Iterator[None]:
-    """Puts a place in front of whatever a `BehaviourError` raised inside complains about."""
+    """Put a place before the message of any `BehaviourError` raised inside."""
     try:
         yield
     except BehaviourError as error:

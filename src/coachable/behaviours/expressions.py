@@ -1,7 +1,7 @@
 """Expressions over named signals: numbers, signals, named constants and arithmetic.
 
-An expression is a frozen value. Units are for the reader and the checker: what an expression evaluates to is
-arithmetic on the numbers as they are written, and nothing is converted.
+An expression is a frozen value. Units are for the reader and the checker: evaluation is arithmetic on the
+numbers as they are written, without conversion.
 """
 
 from __future__ import annotations
@@ -9,17 +9,18 @@ from __future__ import annotations
 import math
 import operator
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from types import MappingProxyType
 
 from coachable.behaviours.names import flaw_of_name, flaw_of_unit
+from coachable.behaviours.tree import Node, fold
 from coachable.foundation.errors import BehaviourError
 
 
 @dataclass(frozen=True)
-class Number:
+class Number(Node):
     """A number as it is written, with the unit behind it if there is one.
 
     **Raises:** `BehaviourError` if it is not finite, or if its unit cannot be written in brackets.
@@ -41,7 +42,7 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Variable:
+class Variable(Node):
     """The value of a signal."""
 
     signal: str
@@ -51,7 +52,7 @@ class Variable:
 
 
 @dataclass(frozen=True)
-class Constant:
+class Constant(Node):
     """A number with a name, such as `max_lean = 0.3 [rad]`; it prints as its name.
 
     **Raises:** `BehaviourError` for a name that could not be written in an expression.
@@ -70,8 +71,10 @@ class Constant:
 
 
 @dataclass(frozen=True)
-class Negative:
+class Negative(Node):
     """The negative of its operand."""
+
+    CHILDREN = ("operand",)
 
     operand: Expression
 
@@ -82,11 +85,13 @@ class Negative:
 
 
 @dataclass(frozen=True)
-class Arithmetic:
+class Arithmetic(Node):
     """`left operator right`, with one of + - * /; division by zero gives an infinity or NaN, as in IEEE 754.
 
     **Raises:** `BehaviourError` for an unknown operator.
     """
+
+    CHILDREN = ("left", "right")
 
     left: Expression
     operator: str
@@ -106,11 +111,13 @@ class Arithmetic:
 
 
 @dataclass(frozen=True, init=False)
-class Call:
+class Call(Node):
     """`function(arguments)`: sin, cos and abs of one argument, min and max of two or more.
 
     **Raises:** `BehaviourError` for an unknown function or the wrong number of arguments.
     """
+
+    CHILDREN = ("arguments",)
 
     function: str
     arguments: tuple[Expression, ...]
@@ -148,11 +155,11 @@ _ARITHMETIC: Mapping[str, Callable] = MappingProxyType(
 FUNCTIONS: Mapping[str, str] = MappingProxyType(
     {"sin": "sin", "cos": "cos", "abs": "abs", "min": "minimum", "max": "maximum"}
 )
-"""What each function is called in NumPy, JAX and torch: the only such table in the library."""
+"""The name of each function in NumPy, JAX and torch: the only such table in the library."""
 
 
 class Floats:
-    """The functions on plain floats, under the names that the array libraries give them."""
+    """The functions on plain floats, under their names in the array libraries."""
 
     @staticmethod
     def sin(x: float) -> float:
@@ -187,13 +194,13 @@ Values = Mapping[str, typing.Any]
 def evaluate(expression: Expression, values: Values, functions: typing.Any = Floats) -> typing.Any:
     """The value of an expression at the given signal values.
 
-    **Arguments:** `values`: floats, or arrays of any one library; `functions`: where that library keeps
+    **Arguments:** `values`: floats, or arrays of any one library; `functions`: the namespace with
     the functions of `FUNCTIONS`: `numpy`, `jax.numpy`, `torch`; for plain floats it can be left out.
 
     **Raises:** `KeyError` for a signal without a value.
     """
-    worth = compiled(expression, functions)
-    return worth(values) if callable(worth) else worth
+    value = compiled(expression, functions)
+    return value(values) if callable(value) else value
 
 
 def compiled(
@@ -201,33 +208,34 @@ def compiled(
     functions: typing.Any = Floats,
     places: Mapping[str, int] = MappingProxyType({}),
 ) -> float | Callable[[typing.Any], typing.Any]:
-    """What `evaluate` does with an expression, worked out but for the signals' values.
+    """An expression as a function of the signals' values, for repeated evaluation.
 
     **Arguments:** `places`: where in a row each signal's value is, for values that come in a row.
 
-    **Returns:** the number that it is, the same one whatever library the signals are in, if it is made of
-    numbers alone; otherwise a function of the signals' values.
+    **Returns:** a function of the signals' values; for an expression of numbers alone, its value, which does
+    not depend on the library.
     """
-    match expression:
-        case Number(value):
-            return value
-        case Constant(number=number):
-            return number.value
-        case Variable(signal):
-            return operator.itemgetter(places.get(signal, signal))
-        case Negative(operand):
-            return applied(operator.neg, compiled(operand, functions, places))
-        case Arithmetic(left, symbol, right):
-            operands = (compiled(operand, functions, places) for operand in (left, right))
-            return applied(_ARITHMETIC[symbol], *operands)
-        case Call(function, arguments):
-            operands = [compiled(argument, functions, places) for argument in arguments]
 
-            def call(*operands: typing.Any) -> typing.Any:
-                numbers = not any(map(callable, operands))
-                return applied(getattr(Floats if numbers else functions, FUNCTIONS[function]), *operands)
+    def call(function: str, *operands: typing.Any) -> typing.Any:
+        numbers = not any(map(callable, operands))
+        return applied(getattr(Floats if numbers else functions, FUNCTIONS[function]), *operands)
 
-            return reduce(call, operands) if len(operands) > 1 else call(*operands)
+    def value(node: Expression, operands: list[typing.Any]) -> typing.Any:
+        match node:
+            case Number(number) | Constant(number=Number(number)):
+                return number
+            case Variable(signal):
+                return operator.itemgetter(places.get(signal, signal))
+            case Negative():
+                return applied(operator.neg, *operands)
+            case Arithmetic(operator=symbol):
+                return applied(_ARITHMETIC[symbol], *operands)
+            case Call(function) if len(operands) > 1:
+                return reduce(partial(call, function), operands)
+            case Call(function):
+                return call(function, *operands)
+
+    return fold(expression, value)
 
 
 def applied(operation: Callable, *operands: typing.Any) -> typing.Any:
@@ -243,35 +251,6 @@ def applied(operation: Callable, *operands: typing.Any) -> typing.Any:
             return lambda values: operation(x, y(values))
         case _:
             return operation(*operands)
-
-
-def subexpressions(expression: Expression) -> Iterator[Expression]:
-    """The expression and all that it is made of, from the outside in, from left to right."""
-    yield expression
-    match expression:
-        case Negative(operand):
-            yield from subexpressions(operand)
-        case Arithmetic(left, _, right):
-            yield from subexpressions(left)
-            yield from subexpressions(right)
-        case Call(arguments=arguments):
-            for argument in arguments:
-                yield from subexpressions(argument)
-
-
-def rewritten(
-    expression: Expression, change: Callable[[Number | Variable | Constant], Expression]
-) -> Expression:
-    """The expression with every number, signal and constant in it replaced by what `change` makes of it."""
-    match expression:
-        case Negative(operand):
-            return Negative(rewritten(operand, change))
-        case Arithmetic(left, symbol, right):
-            return Arithmetic(rewritten(left, change), symbol, rewritten(right, change))
-        case Call(function, arguments):
-            return Call(function, *(rewritten(argument, change) for argument in arguments))
-        case _:
-            return change(expression)
 
 
 def expression_of(value: Expression | str | int | float) -> Expression:

@@ -1,4 +1,4 @@
-"""The behaviours that ship: ideal walking as the paper prints it and as its code reads it, and others."""
+"""The shipped behaviours: ideal walking as in the paper and as in its released code, and others."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from functools import cache
 from pathlib import Path
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.text.sources import LIBRARY
 from coachable.foundation.errors import BehaviourError
 from coachable.foundation.suggestion import suggestion
+
+LIBRARY = Path(__file__).parent / "library"
+"""The folder of the shipped behaviours and vocabularies."""
 
 SHIPPED = (
     "compass-walking",
@@ -28,7 +30,7 @@ def load_behaviour(name_or_path: str | Path) -> Behaviour:
     docs/language.md describes.
 
     **Raises:** `BehaviourError` for a name that is neither, with the nearest one that is, and for a file that
-    cannot be read or has mistakes in it, showing each in its place.
+    cannot be read or has errors, each shown in its place.
     """
     if str(name_or_path) in SHIPPED:
         return _shipped(str(name_or_path))
@@ -61,7 +63,7 @@ def _shipped(name: str) -> Behaviour:
 
 
 def _read(path: Path) -> Behaviour:
-    # Only who reads a text needs the parser, and loading it takes a moment.
-    from coachable.behaviours.text.document import read_document
+    # Loading the parser takes a moment, and only reading a text needs it.
+    from coachable.behaviours.text import read_document
 
     return read_document(path).behaviour

@@ -1,4 +1,4 @@
-"""What can be a name: of a signal, of a constant, and the words of a phrase."""
+"""Valid names of signals and constants, and valid words of phrases."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ WORD = re.compile(r"[^\W\d]\w*(?:['’-]\w+)*")
 
 
 def flaw_of_name(name: str) -> str | None:
-    """What keeps `name` from being the name of a signal or a constant, or None."""
+    """Why `name` cannot be the name of a signal or a constant, or `None`."""
     if not (NAME.fullmatch(name) and name.isidentifier()):
         return "a name is made of letters, digits and underscores, no digit first"
     return flaw_of_word(name)
 
 
 def flaw_of_word(word: str) -> str | None:
-    """What keeps `word` from being a word of a phrase, or None."""
+    """Why `word` cannot be a word of a phrase, or `None`."""
     if word in RESERVED:
         return f"{word!r} is a word of the language; choose another"
     if not WORD.fullmatch(word):
@@ -29,16 +29,17 @@ def flaw_of_word(word: str) -> str | None:
 
 
 def flaw_of_unit(unit: str) -> str | None:
-    """What keeps `unit` from being written in brackets, or None; the empty unit is none."""
+    """Why `unit` cannot be written in brackets, or `None`; the empty unit is valid."""
     if unit == " ".join(unit.split()) and unit.isprintable() and not set('[]"#') & set(unit):
         return None
     return f"a unit such as rad/s has no brackets, quotes, # or needless spaces in it, {unit!r} has"
 
 
 def flaw_of_letters(word: str) -> str | None:
-    """Letters that only look alike hide a second name behind the first: one word, one alphabet.
+    """Why the letters of a word are ambiguous, or `None`: a word must use one alphabet.
 
-    Latin and Greek may meet (`dθ`), as long as the Greek letter cannot be taken for a Latin one.
+    Letters that look alike would give two names one appearance. Latin and Greek may be combined (`dθ`), as
+    long as the Greek letter does not look like a Latin one.
     """
     if word.isascii():
         return None
@@ -59,7 +60,7 @@ def spelt_out(word: str) -> str:
 
 
 def code_point(letter: str) -> str:
-    """A character by its number and name: U+0435 CYRILLIC SMALL LETTER IE."""
+    """The code point and name of a character: U+0435 CYRILLIC SMALL LETTER IE."""
     return f"U+{ord(letter):04X} {unicodedata.name(letter, 'without a name')}"
 
 

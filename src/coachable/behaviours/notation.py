@@ -69,7 +69,7 @@ def pretty_expression(expression: Expression) -> str:
 
 
 def pretty_predicate(predicate: Predicate) -> str:
-    """A predicate with ∧, ∨ and ¬ and the signals' pretty names; phrases are spelt out."""
+    """A predicate with ∧, ∨ and ¬ and the signals' pretty names; phrases are expanded."""
     match predicate:
         case Comparison(left, relation, right):
             right_side = pretty_expression(right) + pretty_deadband(predicate.deadband)
@@ -108,7 +108,7 @@ def conditions(predicate: Predicate) -> tuple[Predicate, ...]:
 
 
 def phrases(predicate: Predicate) -> tuple[str, ...]:
-    """The same in the words that it was written in, where it was."""
+    """The same as phrases, where the predicate is written in phrases."""
     match predicate:
         case All(parts=parts):
             return tuple(dict.fromkeys(inner for part in parts for inner in phrases(part)))

@@ -1,6 +1,6 @@
 """Predicates over named signals: comparisons of expressions, joined by and, or and not.
 
-A predicate is a frozen value. It says nothing about where its signals come from, so one description serves a
+A predicate is a frozen value. It does not depend on the source of its signals, so one description serves a
 plain mapping of floats, NumPy arrays and traced JAX arrays alike.
 """
 
@@ -24,23 +24,23 @@ from coachable.behaviours.expressions import (
     applied,
     compiled,
     expression_of,
-    subexpressions,
 )
 from coachable.behaviours.names import flaw_of_name, flaw_of_unit, flaw_of_word
+from coachable.behaviours.tree import Node, children, walk
 from coachable.foundation.errors import BehaviourError
 
 OPERATORS: Mapping[str, Callable] = MappingProxyType(
     {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 )
-"""What each relation means: the only such table in the library."""
+"""The function of each relation: the only such table in the library."""
 
 MIRRORED: Mapping[str, str] = MappingProxyType({"<": ">", "<=": ">=", ">": "<", ">=": "<="})
-"""The relation between the same two sides, the other way round."""
+"""The same relation with its sides exchanged."""
 
 
 @dataclass(frozen=True)
 class Signal:
-    """A named number that a behaviour talks about.
+    """A named number that a behaviour refers to.
 
     **Arguments:** `name`, a Python identifier; `unit`, such as `"rad/s"`; `description`, one line;
     `derivative_of`, the name of the signal whose derivative in time this one is, if it is one.
@@ -63,17 +63,19 @@ class Signal:
 
 
 @dataclass(frozen=True, init=False)
-class Comparison:
+class Comparison(Node):
     """`left relation right`, such as `theta_1 > 0`; both sides are in one unit.
 
-    A `deadband`, in that unit, keeps a phase from flickering at the boundary: whoever is in the phase leaves
-    it only where the comparison fails by more than the deadband. That takes memory, so `holds` ignores it;
-    see `widened`.
+    A `deadband`, in that unit, keeps a phase from flickering at the boundary: once in the phase, a
+    trajectory leaves it only where the comparison fails by more than the deadband. That takes memory, so
+    `holds` ignores it; see `widened`.
 
     **Arguments:** a name stands for a signal and a plain number for a `Number`.
 
     **Raises:** `BehaviourError` for an unknown relation, a number that is not finite, or a negative deadband.
     """
+
+    CHILDREN = ("left", "right")
 
     left: Expression
     relation: str
@@ -105,11 +107,13 @@ class Comparison:
 
 
 @dataclass(frozen=True, init=False)
-class Between:
+class Between(Node):
     """`low relation middle relation high`, such as `0.1 < x <= 0.3`; both relations are < or <=.
 
     **Raises:** `BehaviourError` for another relation.
     """
+
+    CHILDREN = ("low", "middle", "high")
 
     low: Expression
     low_relation: str
@@ -143,8 +147,10 @@ class Between:
 
 
 @dataclass(frozen=True, init=False)
-class Near:
+class Near(Node):
     """`value = target within tolerance`: |value − target| ≤ tolerance."""
+
+    CHILDREN = ("value", "target", "tolerance")
 
     value: Expression
     target: Expression
@@ -165,12 +171,14 @@ class Near:
 
 
 @dataclass(frozen=True)
-class Phrase:
-    """A predicate under the words that a coach has for it; it prints as the words.
+class Phrase(Node):
+    """A predicate under a name of several words; it prints as the words.
 
     **Raises:** `BehaviourError` if `words` are not words with single spaces between them, or one of them is a
     word of the language, such as `and`.
     """
+
+    CHILDREN = ("predicate",)
 
     words: str
     predicate: Predicate
@@ -187,8 +195,10 @@ class Phrase:
 
 
 @dataclass(frozen=True, init=False)
-class All:
+class All(Node):
     """Holds where every part holds; without parts, everywhere."""
+
+    CHILDREN = ("parts",)
 
     parts: tuple[Predicate, ...]
 
@@ -200,8 +210,10 @@ class All:
 
 
 @dataclass(frozen=True, init=False)
-class Any:
+class Any(Node):
     """Holds where at least one part holds; without parts, nowhere."""
+
+    CHILDREN = ("parts",)
 
     parts: tuple[Predicate, ...]
 
@@ -213,8 +225,10 @@ class Any:
 
 
 @dataclass(frozen=True)
-class Not:
+class Not(Node):
     """Holds where its part does not."""
+
+    CHILDREN = ("part",)
 
     part: Predicate
 
@@ -248,7 +262,7 @@ def holds(predicate: Predicate, values: Values, functions: typing.Any = Floats) 
 
     The values may be floats or arrays of any library with elementwise `<`, `&`, `|` and `^`; for floats
     the answer is a `bool`, for arrays an array of booleans. Comparisons with NaN are false, as in IEEE
-    754, and so a `Not` around one is true: whoever needs a NaN to mean "nowhere" says so, as
+    754, and so a `Not` around one is true: callers that put a NaN outside all phases test for it, as
     `Behaviour.phase_at` does. `functions` is as in `evaluate`.
 
     **Raises:** `KeyError` for a signal without a value.
@@ -261,10 +275,10 @@ def decision(
     functions: typing.Any = Floats,
     places: Mapping[str, int] = MappingProxyType({}),
 ) -> Decision:
-    """What `holds` does with a predicate, worked out but for the signals' values, for whoever asks often.
+    """A predicate as a function of the signals' values, for repeated evaluation.
 
-    `functions` is as in `evaluate`, `places` as in `compiled`. For floats no more is asked than it takes to
-    decide, so a value that is missing need not be missed.
+    `functions` is as in `evaluate`, `places` as in `compiled`. For floats, evaluation stops once the result
+    is decided, so a missing value need not raise.
     """
     match predicate:
         case Comparison(left=left, relation=relation, right=right):
@@ -276,31 +290,29 @@ def decision(
         case Phrase(predicate=inner):
             return decision(inner, functions, places)
         case All() | Any():
-            decisions = [decision(part, functions, places) for part in _flat(type(predicate), predicate)]
+            parts = flattened(type(predicate), predicate)
+            decisions = [decision(part, functions, places) for part in parts]
             return _in_turn(operator.and_ if isinstance(predicate, All) else operator.or_, decisions)
         case Not(part):
             # `~` would turn Python's True into −2; exclusive or negates Python's and every array's booleans.
             return applied(partial(operator.xor, True), decision(part, functions, places))
 
 
-def _flat(kind: type, predicate: Predicate) -> Iterator[Predicate]:
-    """The parts of a conjunction, or a disjunction, and those of the same kind in it, phrases entered."""
-    match predicate:
-        case Phrase(predicate=inner):
-            yield from _flat(kind, inner)
-        case All(parts=parts) | Any(parts=parts) if isinstance(predicate, kind):
-            for part in parts:
-                yield from _flat(kind, part)
-        case _:
-            yield predicate
+def flattened(kind: type[All | Any], predicate: Predicate) -> Iterator[Predicate]:
+    """The parts of a conjunction, or of a disjunction, with those nested in it, also inside phrases."""
+    if isinstance(predicate, (kind, Phrase)):
+        for part in children(predicate):
+            yield from flattened(kind, part)
+    else:
+        yield predicate
 
 
 def _in_turn(join: Callable, decisions: Sequence[Decision]) -> Decision:
-    """Decisions joined by `and` or `or`: over, for floats, with the first that decides it."""
+    """Decisions joined by `and` or `or`; for floats, the first decisive one ends the evaluation."""
     if len(decisions) == 1:
         return decisions[0]
     neutral = join is operator.and_
-    # Only Python's own answers are one of its two booleans: an array of them is asked to the end.
+    # Only a Python boolean can be decisive: arrays are evaluated to the end.
     decisive = not neutral
 
     def decide(values: typing.Any) -> typing.Any:
@@ -316,14 +328,12 @@ def _in_turn(join: Callable, decisions: Sequence[Decision]) -> Decision:
 
 def constants_of(predicate: Predicate) -> tuple[Constant, ...]:
     """The named constants in a predicate, each once, in the order of their first appearance."""
-    nodes = (node for expression in expressions_of(predicate) for node in subexpressions(expression))
-    return tuple(dict.fromkeys(node for node in nodes if isinstance(node, Constant)))
+    return tuple(dict.fromkeys(walk(predicate, Constant)))
 
 
 def phrases_of(predicate: Predicate) -> tuple[Phrase, ...]:
     """The phrases in a predicate, each once, every one after those that it is made of."""
-    phrases = [part for part in subpredicates(predicate) if isinstance(part, Phrase)]
-    return tuple(dict.fromkeys(reversed(phrases)))
+    return tuple(dict.fromkeys(reversed(list(walk(predicate, Phrase)))))
 
 
 def comparisons_of(predicate: Comparison | Between | Near) -> tuple[Comparison, ...]:
@@ -343,30 +353,6 @@ def comparisons_of(predicate: Comparison | Between | Near) -> tuple[Comparison, 
             )
 
 
-def subpredicates(predicate: Predicate) -> Iterator[Predicate]:
-    """The predicate and all that it is made of, phrases entered, from the outside in, from left to right."""
-    yield predicate
-    match predicate:
-        case Phrase(predicate=part) | Not(part):
-            yield from subpredicates(part)
-        case All(parts=parts) | Any(parts=parts):
-            for part in parts:
-                yield from subpredicates(part)
-
-
-def expressions_of(predicate: Predicate) -> Iterator[Expression]:
-    """The expressions that a predicate compares, from left to right."""
-    for part in subpredicates(predicate):
-        match part:
-            case Comparison(left=left, right=right):
-                yield from (left, right)
-            case Between(low=low, middle=middle, high=high):
-                yield from (low, middle, high)
-            case Near(value, target, tolerance):
-                yield from (value, target, tolerance)
-
-
 def signals_of(predicate: Predicate) -> tuple[str, ...]:
     """The names of the signals a predicate reads, each once, in the order of their first appearance."""
-    nodes = (node for expression in expressions_of(predicate) for node in subexpressions(expression))
-    return tuple(dict.fromkeys(node.signal for node in nodes if isinstance(node, Variable)))
+    return tuple(dict.fromkeys(node.signal for node in walk(predicate, Variable)))

@@ -1,11 +1,11 @@
-"""Predicates in other forms that mean the same, and the wider one that deadbands mean."""
+"""Equivalent forms of predicates, and the wider predicate that deadbands denote."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from coachable.behaviours.expressions import Arithmetic, Constant, Number, Variable, rewritten
+from coachable.behaviours.expressions import Arithmetic, Constant, Number
 from coachable.behaviours.predicates import (
     MIRRORED,
     All,
@@ -18,38 +18,35 @@ from coachable.behaviours.predicates import (
     Predicate,
     comparisons_of,
 )
+from coachable.behaviours.tree import Node, children, rebuilt, rewritten
 
 _OPPOSITE: Mapping[str, str] = MappingProxyType({"<": ">=", "<=": ">", ">": "<=", ">=": "<"})
 
 
 def unwrapped(predicate: Predicate) -> Predicate:
-    """The same predicate without `All` or `Any` around a single part, which no text tells from the part."""
-    match predicate:
-        case All(parts=(part,)) | Any(parts=(part,)):
-            return unwrapped(part)
-        case All(parts=parts) | Any(parts=parts):
-            return type(predicate)(*map(unwrapped, parts))
-        case Not(part):
-            return Not(unwrapped(part))
-        case Phrase(words, inner):
-            return Phrase(words, unwrapped(inner))
-        case _:
-            return predicate
+    """The same predicate without `All` or `Any` around a single part, which has the same text as the part."""
+
+    def single_part(node: Node) -> Predicate | None:
+        match node:
+            case All(parts=(part,)) | Any(parts=(part,)):
+                return unwrapped(part)
+
+    return rewritten(predicate, single_part)
 
 
 def expanded(predicate: Predicate) -> Predicate:
     """The same predicate in comparisons, `All`, `Any` and `Not` alone: phrases and ranges spelt out."""
-    match predicate:
-        case Comparison():
-            return predicate
-        case Between() | Near():
-            return All(*comparisons_of(predicate))
-        case Phrase(predicate=inner):
-            return expanded(inner)
-        case All(parts=parts) | Any(parts=parts):
-            return type(predicate)(*map(expanded, parts))
-        case Not(part):
-            return Not(expanded(part))
+
+    def spelt_out(node: Node) -> Predicate | None:
+        match node:
+            case Comparison():
+                return node
+            case Between() | Near():
+                return All(*comparisons_of(node))
+            case Phrase(predicate=inner):
+                return expanded(inner)
+
+    return rewritten(predicate, spelt_out)
 
 
 def widened(predicate: Predicate) -> Predicate:
@@ -62,18 +59,27 @@ def widened(predicate: Predicate) -> Predicate:
 
 
 def _shifted(predicate: Predicate, outwards: bool) -> Predicate:
-    match predicate:
-        case Comparison(left, relation, right, deadband):
-            if deadband is None:
-                return predicate
-            down = (relation in (">", ">=")) == outwards
-            return Comparison(left, relation, Arithmetic(right, "-" if down else "+", deadband))
-        case Not(part):
-            return Not(_shifted(part, not outwards))
-        case All(parts=parts) | Any(parts=parts):
-            return type(predicate)(*(_shifted(part, outwards) for part in parts))
-        case _:
-            raise TypeError(f"{predicate!r} is not expanded")
+    if isinstance(predicate, Comparison):
+        if predicate.deadband is None:
+            return predicate
+        symbol = "-" if (predicate.relation in (">", ">=")) == outwards else "+"
+        return Comparison(
+            predicate.left, predicate.relation, Arithmetic(predicate.right, symbol, predicate.deadband)
+        )
+    inner = outwards != isinstance(predicate, Not)
+    return rebuilt(predicate, [_shifted(part, inner) for part in children(predicate)])
+
+
+def without_negations(predicate: Predicate) -> Predicate:
+    """The same predicate without `Not`, except where a comparison with NaN is neither true nor false.
+
+    **Arguments:** `predicate`: without phrases and ranges, as from `expanded`.
+    """
+
+    def pushed_inwards(node: Node) -> Predicate | None:
+        return without_negations(_opposite(node.part)) if isinstance(node, Not) else None
+
+    return rewritten(predicate, pushed_inwards)
 
 
 def conjuncts(predicate: Predicate) -> tuple[Predicate, ...]:
@@ -97,7 +103,7 @@ def normal_form(predicate: Predicate) -> Predicate:
     once. Equal normal forms mean equal predicates; the converse does not hold, for that is a question for a
     solver.
     """
-    return _sorted(expanded(predicate))
+    return _sorted(without_negations(expanded(predicate)))
 
 
 def _sorted(predicate: Predicate) -> Predicate:
@@ -108,8 +114,6 @@ def _sorted(predicate: Predicate) -> Predicate:
             if isinstance(left, Number) and not isinstance(right, Number):
                 left, relation, right = right, MIRRORED[relation], left
             return Comparison(left, relation, right, deadband)
-        case Not(part):
-            return _sorted(_opposite(part))
         case All(parts=parts) | Any(parts=parts):
             kind = type(predicate)
             flat = set()
@@ -120,14 +124,10 @@ def _sorted(predicate: Predicate) -> Predicate:
             raise TypeError(f"{predicate!r} is not expanded")
 
 
-def _bare(leaf: Number | Variable | Constant) -> Number | Variable:
-    match leaf:
-        case Constant(number=number):
-            return Number(number.value)
-        case Number(value):
+def _bare(node: Node) -> Number | None:
+    match node:
+        case Number(value) | Constant(number=Number(value)):
             return Number(value)
-        case _:
-            return leaf
 
 
 def _opposite(predicate: Predicate) -> Predicate:

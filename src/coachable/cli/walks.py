@@ -143,7 +143,7 @@ def record(
     setup = setup or opened.experiment.setups[0].name
     seed = opened.experiment.first_seed if seed is None else seed
     walk = recorded_walk(opened, setup, seed, which, episode)
-    write_trace(out, walk.time, walk.signals, walk.values)
+    write_trace(out, walk.trace)
     end = "it fell" if walk.fell else "it did not fall"
     print(f"{out}: {walk.title}, {len(walk.time):,} samples in {walk.time[-1]:.3f} s; {end}")
 

@@ -1,4 +1,4 @@
-"""What stands in a drawn automaton: the lines in its nodes, beside its edges, and below it."""
+"""The text of a drawn automaton: in its nodes, beside its edges, and below it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from coachable.behaviours.behaviour import Behaviour, Dwell, Edge, Phase
-from coachable.behaviours.expressions import Constant, subexpressions
+from coachable.behaviours.expressions import Constant
 from coachable.behaviours.notation import (
     conditions,
     phrases,
@@ -16,14 +16,8 @@ from coachable.behaviours.notation import (
     pretty_name,
     pretty_predicate,
 )
-from coachable.behaviours.predicates import (
-    Between,
-    Comparison,
-    Phrase,
-    Predicate,
-    expressions_of,
-    subpredicates,
-)
+from coachable.behaviours.predicates import Between, Comparison, Phrase, Predicate
+from coachable.behaviours.tree import walk
 from coachable.diagram.lettering import Line, text_width
 
 RESETS: Mapping[str, Mapping[str, str]] = MappingProxyType(
@@ -33,33 +27,31 @@ RESETS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         )
     }
 )
-"""What each event does to the signals: μ₃ of the compass walker; ⁺ marks what the impact's equation gives."""
+"""The reset of each event: μ₃ of the compass walker; ⁺ marks values from the impact's equation."""
 
 _NAME, _TITLE, _FORMULA, _WORDS, _NOTE = 24, 24, 34, 32, 96
 _COLUMNS = 18.0
 """The widest that two columns of comparisons may be, in letter sizes."""
 
 _MOST_LINES, _WIDEST = 5, 19.0
-"""What a formula may take, in lines and letter sizes, before the phrases it was written in say it better."""
+"""The most lines, and the greatest width in letter sizes, of a formula shown in place of its phrases."""
 
 _MOST_ASSIGNMENTS = 6
 
 
-def node_lines(phase: Phase, in_words: bool) -> list[Line]:
-    """A phase: its name, its title, and its invariant as a formula or in the coach's words."""
+def node_lines(phase: Phase, as_phrases: bool) -> list[Line]:
+    """A phase: its name, its title, and its invariant as a formula or as phrases."""
     return [
         *(Line.plain("name", line) for line in balanced(phase.name, _NAME)),
         *(Line.plain("title", line) for line in balanced(phase.title, _TITLE)),
-        *(_in_words(phase.predicate) if in_words else _formula(phase.predicate)),
+        *(_as_phrases(phase.predicate) if as_phrases else _formula(phase.predicate)),
     ]
 
 
-def speaks_in_words(behaviour: Behaviour) -> bool:
-    """Whether the invariants are better said in phrases: where there are some, and formulas would not fit."""
+def uses_phrases(behaviour: Behaviour) -> bool:
+    """Whether the invariants are shown as phrases: all have some, and formulas would not fit."""
     predicates = [phase.predicate for phase in behaviour.phases]
-    written = all(
-        any(isinstance(part, Phrase) for part in subpredicates(predicate)) for predicate in predicates
-    )
+    written = all(any(walk(predicate, Phrase)) for predicate in predicates)
     return written and any(
         len(_formula(predicate)) > _MOST_LINES
         or any(text_width(pretty_predicate(part)) > _WIDEST for part in conditions(predicate))
@@ -68,7 +60,7 @@ def speaks_in_words(behaviour: Behaviour) -> bool:
 
 
 def dwell_text(dwell: Dwell | None) -> str:
-    """How long a phase lasts, in few letters; nothing if it may last for any time."""
+    """The dwell time of a phase, abbreviated; empty without limits."""
     if dwell is None or dwell == Dwell():
         return ""
     if math.isinf(dwell.at_most):
@@ -79,7 +71,7 @@ def dwell_text(dwell: Dwell | None) -> str:
 def edge_lines(
     edges: Sequence[Edge], behaviour: Behaviour, resets: Mapping[str, Mapping[str, str]]
 ) -> list[Line]:
-    """The events of the edges that share an arrow, each with what it does to the signals."""
+    """The events of the edges that share an arrow, each with its reset."""
     lines: list[Line] = []
     for edge in sorted(edges, key=lambda edge: edge.event is None):
         changes = reset_of(edge, behaviour, resets)
@@ -96,7 +88,7 @@ def edge_lines(
 def reset_of(
     edge: Edge, behaviour: Behaviour, resets: Mapping[str, Mapping[str, str]] = RESETS
 ) -> list[tuple[str, str]]:
-    """The assignments on an edge in pretty letters: its own, or those that its event is known to make."""
+    """The assignments on an edge in pretty letters: its own, or those of its event."""
     if edge.reset:
         return [(pretty_name(jump.signal), pretty_expression(jump.expression)) for jump in edge.reset]
     known = resets.get(edge.event, {}) if edge.event is not None else {}
@@ -108,7 +100,7 @@ def reset_of(
 
 
 def notes(behaviour: Behaviour) -> list[Line]:
-    """What a reader of the picture has to know beside it: constants, deadbands, and what is outside."""
+    """The notes below the picture: constants, deadbands, and the name of being outside."""
     return [Line.plain("note", line) for note in _notes(behaviour) for line in textwrap.wrap(note, _NOTE)]
 
 
@@ -121,13 +113,7 @@ def balanced(text: str, num_letters: int) -> list[str]:
 
 def _notes(behaviour: Behaviour) -> Iterator[str]:
     predicates = [phase.predicate for phase in behaviour.phases]
-    nodes = [
-        node
-        for predicate in predicates
-        for expression in expressions_of(predicate)
-        for node in subexpressions(expression)
-    ]
-    constants = dict.fromkeys(node for node in nodes if isinstance(node, Constant))
+    constants = dict.fromkeys(constant for predicate in predicates for constant in walk(predicate, Constant))
     if constants:
         values = (
             f"{pretty_name(constant.name)} = {pretty_expression(constant.number)}"
@@ -135,14 +121,14 @@ def _notes(behaviour: Behaviour) -> Iterator[str]:
             for constant in constants
         )
         yield ", ".join(values)
-    parts = (part for predicate in predicates for part in subpredicates(predicate))
-    if any(isinstance(part, Comparison | Between) and part.deadband is not None for part in parts):
+    compared = (part for predicate in predicates for part in walk(predicate, Comparison, Between))
+    if any(part.deadband is not None for part in compared):
         yield "(±…) is a deadband: the phase is left only where its boundary is passed by more."
     if behaviour.outside is not None:
         yield f"In no phase: {behaviour.outside}."
 
 
-def _in_words(predicate: Predicate) -> list[Line]:
+def _as_phrases(predicate: Predicate) -> list[Line]:
     lines = []
     for phrase in phrases(predicate):
         first, *rest = textwrap.wrap(phrase, _WORDS)
@@ -186,7 +172,7 @@ def _wrapped(formula: str, breaks: str) -> list[str]:
 
 
 def _reset_lines(changes: Sequence[tuple[str, str]]) -> list[Line]:
-    """Assignments, two a line where they are short; many are told as what is exchanged."""
+    """Assignments, two a line where they are short; of many, exchanges are shown as pairs."""
     if len(changes) > _MOST_ASSIGNMENTS:
         given = dict(changes)
         swapped = [(name, value) for name, value in changes if given.get(value) == name]

@@ -13,7 +13,7 @@ from coachable.diagram.captions import (
     edge_lines,
     node_lines,
     notes,
-    speaks_in_words,
+    uses_phrases,
 )
 from coachable.diagram.layout import Box, Ring, drawing_order, surrounding
 from coachable.diagram.lettering import SIZES, Line, lettering, safe, size_of, text_width
@@ -56,17 +56,18 @@ def automaton_svg(behaviour: Behaviour, resets: Mapping[str, Mapping[str, str]] 
     """The automaton of a behaviour as a self-contained SVG document.
 
     The phases stand clockwise around an ellipse, in the order of their cycle if they form one, each with its
-    invariant: as a formula, or in the words of the vocabulary where the formulas would not fit. Edges that
-    carry an event name it and say what it does to the signals. If the behaviour is one of the compass walker,
+    invariant: as a formula, or as phrases of the vocabulary where the formulas would not fit. Edges that
+    carry an event show it with its reset. If the behaviour is one of the compass walker,
     each phase shows it. The card is white, to be read on any background.
 
-    **Arguments:** `resets`: for each event, what each signal is set to, where an edge does not say it itself.
+    **Arguments:** `resets`: for each event, the value of each signal after it, for edges that have no
+    reset of their own.
     """
     phases = {phase.name: phase for phase in behaviour.phases}
     order = drawing_order(behaviour)
     colours = {pretty_name(name): colour for name, colour in COLOURS.items()} if is_walker(behaviour) else {}
-    in_words = speaks_in_words(behaviour)
-    texts = {name: node_lines(phase, in_words) for name, phase in phases.items()}
+    as_phrases = uses_phrases(behaviour)
+    texts = {name: node_lines(phase, as_phrases) for name, phase in phases.items()}
     pairs = [(order.index(source), order.index(target)) for source, target in by_ends(behaviour.edges)]
     labels = [edge_lines(edges, behaviour, resets) for edges in by_ends(behaviour.edges).values()]
     width, height = _node_size([(phases[name], texts[name]) for name in order], bool(colours))

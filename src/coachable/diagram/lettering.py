@@ -66,13 +66,13 @@ class Line:
 
     @property
     def width(self) -> float:
-        """How long the line is, estimated, for no fonts can be asked here [px]."""
+        """The estimated length of the line, since no fonts are available here [px]."""
         widest = max(start + text_width(text, self.kind in _BOLD) for start, text in self.cells)
         return widest * SIZES[self.kind]
 
     @property
     def height(self) -> float:
-        """How high the line is [px]."""
+        """The height of the line [px]."""
         return _LEADING.get(self.kind, 1.4) * SIZES[self.kind]
 
 
@@ -101,7 +101,7 @@ def lettering(lines: Sequence[Line], left: float, top: float, colours: Mapping[s
 
 
 def text_width(text: str, bold: bool = False) -> float:
-    """How long a text is, estimated from above, in letter sizes."""
+    """An upper estimate of the length of a text, in letter sizes."""
     # Scripts beyond Greek may be as wide as they are high.
     width = sum(
         _WIDTHS.get(character, _LETTER if character < "\u0530" else _OTHER)

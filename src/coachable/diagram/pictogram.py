@@ -17,7 +17,7 @@ COLOURS = {"theta_1": STANCE, "dtheta_1": STANCE, "theta_2": SWING, "dtheta_2": 
 """The leg that a signal belongs to, as its colour."""
 
 WIDTH = 92.0
-"""How much room a pictogram takes from left to right."""
+"""The width of a pictogram [px]."""
 
 _LEG = 56.0
 _STANCE_ANGLE, _SWING_ANGLE = 0.2, 0.46
@@ -26,14 +26,14 @@ _HEAD = 6.5
 
 
 def is_walker(behaviour: Behaviour) -> bool:
-    """Whether a behaviour speaks of a compass walker, so that its phases can be pictured."""
+    """Whether a behaviour has the signals of a compass walker, so that its phases can be pictured."""
     return set(COLOURS) <= set(behaviour.signal_names)
 
 
 def pictogram(phase: Phase, x: float, y: float) -> str:
     """SVG of the walker in a phase, centred at (x, y); empty if a signal has no sign in it.
 
-    The legs lean and the arrows point as the signs of angles and velocities say; the sizes are made up.
+    The legs lean and the arrows point by the signs of angles and velocities; their sizes are fixed.
     """
     signs = _signs(phase)
     if not set(COLOURS) <= set(signs):

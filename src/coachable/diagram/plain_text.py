@@ -28,9 +28,9 @@ def automaton_dot(behaviour: Behaviour) -> str:
         '  edge [fontname="sans-serif"];',
     ]
     for name in drawing_order(behaviour):
-        lines.append(f"  {names[name]} [label={_dot(*_told(phases[name]))}];")
+        lines.append(f"  {names[name]} [label={_dot(*_node_text(phases[name]))}];")
     for edge in behaviour.edges:
-        label = _dot(*_on(edge, behaviour))
+        label = _dot(*_edge_text(edge, behaviour))
         lines.append(f"  {names[edge.source]} -> {names[edge.target]} [label={label}];")
     return "\n".join([*lines, "}", ""])
 
@@ -41,24 +41,24 @@ def automaton_mermaid(behaviour: Behaviour) -> str:
     names = {name: f"phase{index}" for index, name in enumerate(behaviour.phase_names)}
     lines = ["flowchart LR"]
     for name in drawing_order(behaviour):
-        first, *rest = map(_mermaid, _told(phases[name]))
+        first, *rest = map(_mermaid, _node_text(phases[name]))
         lines.append(f'  {names[name]}("{"<br>".join((f"<b>{first}</b>", *rest))}")')
     for (source, target), edges in by_ends(behaviour.edges).items():
         for edge in edges:
-            label = "<br>".join(map(_mermaid, _on(edge, behaviour)))
+            label = "<br>".join(map(_mermaid, _edge_text(edge, behaviour)))
             arrow = f'-->|"{label}"|' if label else "-->"
             lines.append(f"  {names[source]} {arrow} {names[target]}")
     return "\n".join([*lines, ""])
 
 
-def _told(phase: Phase) -> list[str]:
+def _node_text(phase: Phase) -> list[str]:
     dwell = dwell_text(phase.dwell)
     head = f"{phase.name}, {dwell}" if dwell else phase.name
     invariant = map(pretty_predicate, conditions(phase.predicate))
     return [head, *([phase.title] if phase.title else []), *invariant]
 
 
-def _on(edge: Edge, behaviour: Behaviour) -> list[str]:
+def _edge_text(edge: Edge, behaviour: Behaviour) -> list[str]:
     changes = [f"{name} := {value}" for name, value in reset_of(edge, behaviour)]
     return [*([edge.event] if edge.event is not None else []), *changes]
 

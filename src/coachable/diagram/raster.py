@@ -8,7 +8,7 @@ from pathlib import Path
 def svg_to_png(svg: str, scale: float = 2.0) -> bytes:
     """The picture as PNG, in a font that is always there, so equal pictures are equal on every machine.
 
-    resvg draws it; it knows no fonts of its own, so it is given the DejaVu Sans that comes with Matplotlib.
+    resvg draws it; it has no fonts of its own, so it uses the DejaVu Sans that comes with Matplotlib.
 
     **Arguments:** `scale`: pixels a unit of the SVG.
     """

@@ -121,7 +121,7 @@ def label_boxes(
 ) -> tuple[list[Box], list[int]]:
     """A box beside each arrow for its label, and the arrows beside which there was no room for it.
 
-    A size of nothing asks for no room.
+    A size of zero needs no room.
     """
     placed: list[Box] = []
     crowded = []

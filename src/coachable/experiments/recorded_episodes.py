@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image
 
+from coachable.automata.trace import Trace
 from coachable.behaviours.behaviour import Phase
-from coachable.behaviours.predicates import Signal
 from coachable.envs.own_reward import OWN
 from coachable.envs.problem import EnvironmentProblem
 from coachable.envs.signals import SIGNAL_PACKS, signal_pack
@@ -49,15 +49,11 @@ class RenderedWalk:
 
 @dataclass(frozen=True, eq=False)
 class RecordedWalk:
-    """An episode as the robot's signals tell it."""
+    """An episode: its signals, its phases and what was paid."""
 
     title: str
-    time: Float[np.ndarray, " samples"]
-    """[s]"""
-    signals: tuple[Signal, ...]
-    """All that the environment's signal pack has, or those of the behaviour."""
-    values: Mapping[str, Float[np.ndarray, " samples"]]
-    """Of every signal."""
+    trace: Trace
+    """Of all signals in the environment's signal pack, or of those of the behaviour."""
     phase: Int[np.ndarray, " samples"]
     """Location in the behaviour: 0 … K−1, or K outside all K phases."""
     follows: Bool[np.ndarray, " samples"]
@@ -76,6 +72,11 @@ class RecordedWalk:
     """Where both ends of each are [m]."""
     radii: Float[np.ndarray, " limbs"] | None = None
     """[m]"""
+
+    @property
+    def time(self) -> Float[np.ndarray, " samples"]:
+        """Of the trace [s]."""
+        return self.trace.time
 
 
 def rendered_walk(run: Run, setup: str, seed: int, which: Which, seconds: float) -> RenderedWalk:
@@ -133,12 +134,14 @@ def recorded_walk(
                 ends.append(limbs.ends())
     return RecordedWalk(
         f"{setup}, seed {seed}",
-        np.arange(len(steps)) * dt,
-        signals,
-        {
-            signal.name: np.array([*map(float, column)])
-            for signal, column in zip(signals, zip(*rows, strict=True), strict=True)
-        },
+        Trace(
+            np.arange(len(steps)) * dt,
+            signals,
+            {
+                signal.name: np.array([*map(float, column)])
+                for signal, column in zip(signals, zip(*rows, strict=True), strict=True)
+            },
+        ),
         np.array([step.phase for step in steps]),
         np.array([step.follows for step in steps]),
         run.behaviour.phases,

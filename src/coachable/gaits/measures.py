@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
+
+from coachable.automata.trace import Trace
 
 CONTACT = "foot_contact"
 """How the signals of feet on the ground end; what stands before it is the foot's name."""
@@ -26,24 +26,9 @@ LEAST_LOADED = 0.1
 _MEASURES: tuple[str, ...] = ("speed", "transport", "duty", "flight", "alternation", "lag", "asymmetry")
 
 
-@runtime_checkable
-class Recorded(Protocol):
-    """A walk as its signals tell it."""
-
-    @property
-    def time(self) -> Float[np.ndarray, " samples"]:
-        """[s]"""
-        ...
-
-    @property
-    def values(self) -> Mapping[str, Float[np.ndarray, " samples"]]:
-        """Of every signal."""
-        ...
-
-
-def feet(walk: Recorded) -> dict[str, Bool[np.ndarray, " samples"]]:
+def feet(walk: Trace) -> dict[str, Bool[np.ndarray, " samples"]]:
     """When each foot is on the ground, by the feet's names, without contacts and gaps of under `SHORTEST`."""
-    least = round(SHORTEST / _dt(walk))
+    least = round(SHORTEST / walk.dt)
     names = [name for name in walk.values if name.endswith(CONTACT)]
     return {
         name.removesuffix(CONTACT).rstrip("_") or "foot": _steadied(walk.values[name] > 0.5, least)
@@ -51,7 +36,7 @@ def feet(walk: Recorded) -> dict[str, Bool[np.ndarray, " samples"]]:
     }
 
 
-def measures(walk: Recorded) -> dict[str, float]:
+def measures(walk: Trace) -> dict[str, float]:
     """What the gait is like; NaN for what such a robot, or such a walk, does not have.
 
     | measure | is |
@@ -74,7 +59,7 @@ def measures(walk: Recorded) -> dict[str, float]:
         distance = float(values["torso_x"][-1] - values["torso_x"][0])
         found["speed"] = distance / seconds
         if {"power", "weight"} <= values.keys() and found["speed"] > SLOWEST:
-            work = float(values["power"][1:].sum()) * _dt(walk)
+            work = float(values["power"][1:].sum()) * walk.dt
             found["transport"] = work / (float(values["weight"][0]) * distance)
     contacts = feet(walk)
     if contacts:
@@ -91,7 +76,7 @@ def measures(walk: Recorded) -> dict[str, float]:
     return found
 
 
-def gait(walk: Recorded) -> str:
+def gait(walk: Trace) -> str:
     """The gait in a word: *stands*, *walks*, *runs*, *hops*, *hops on left*, *gallops*, *shuffles*, *moves*.
 
     Of two feet that alternate, half a stride apart within 0.15, a duty factor above ½ makes a walk and one
@@ -124,10 +109,6 @@ def gait(walk: Recorded) -> str:
 def touchdowns(contact: Bool[np.ndarray, " samples"]) -> np.ndarray:
     """The samples at which a foot comes to the ground."""
     return np.flatnonzero(contact[1:] & ~contact[:-1]) + 1
-
-
-def _dt(walk: Recorded) -> float:
-    return float(walk.time[1] - walk.time[0]) if len(walk.time) > 1 else math.inf
 
 
 def _steadied(contact: Bool[np.ndarray, " samples"], least: int) -> Bool[np.ndarray, " samples"]:

@@ -53,7 +53,7 @@ def survey(
         for seed in run.experiment.seeds:
             for episode in range(episodes):
                 walk = recorded_walk(run, setup.name, seed, which, episode)
-                if not feet(walk):
+                if not feet(walk.trace):
                     raise ParameterError(
                         f"{run.experiment.problem.robot} has no signal that ends in {CONTACT}, so there are "
                         "no footfalls; give the plan one for every foot, 1 while it is on the ground"
@@ -62,7 +62,7 @@ def survey(
                     {"lane": run.lane(setup.name, seed).name, "episode": episode, **_row(run.behaviour, walk)}
                 )
                 if episode == 0:
-                    shown = Footfalls(f"seed {seed}: {rows[-1]['gait']}", walk.time, feet(walk))
+                    shown = Footfalls(f"seed {seed}: {rows[-1]['gait']}", walk.time, feet(walk.trace))
                     first.setdefault(setup.name, []).append(shown)
                 tell(f"{setup.name}, seed {seed}", 1 / episodes)
     table = table_of(GAITS, {name: [row[name] for row in rows] for name in GAITS.names})
@@ -73,10 +73,10 @@ def survey(
 def _row(behaviour: Behaviour, walk: RecordedWalk) -> dict[str, Any]:
     outside = len(walk.phases)
     monitor = Monitor(behaviour)
-    monitor.feed_rows(walk.time, walk.values)
+    monitor.feed_rows(walk.time, walk.trace.values)
     cycles = monitor.report().cycles
     return {
-        "gait": gait(walk),
+        "gait": gait(walk.trace),
         "dt": float(walk.time[1]),
         "length": len(walk.time) - 1,
         "environment": walk.environment_return,
@@ -84,5 +84,5 @@ def _row(behaviour: Behaviour, walk: RecordedWalk) -> dict[str, Any]:
         "share_in_cycle": float((walk.phase[1:] != outside).mean()),
         "follows": float(walk.follows[1:].mean()),
         "cycles": sum(cycles) / float(walk.time[-1]) if cycles else math.nan,
-        **measures(walk),
+        **measures(walk.trace),
     }

@@ -11,7 +11,8 @@ from itertools import product
 from coachable.behaviours.behaviour import Behaviour, Dwell, Edge
 from coachable.behaviours.checking.comparison import always_equal, disagreements, staying_differs
 from coachable.behaviours.expressions import Number, Variable
-from coachable.behaviours.predicates import Between, Comparison, Predicate, Signal, subpredicates
+from coachable.behaviours.predicates import Between, Comparison, Predicate, Signal
+from coachable.behaviours.tree import walk
 from coachable.rewards.forms import reward_table
 
 
@@ -222,9 +223,9 @@ def _jumps(edges: list[Edge]) -> str:
 def _cycles(first: Behaviour, second: Behaviour, names: _Names) -> Iterator[Difference]:
     ours, theirs = ({_walk(cycle, b) for cycle in b.cycles} for b in (first, second))
     for which, extra in (("first", ours - theirs), ("second", theirs - ours)):
-        for walk in sorted(extra):
-            told = " → ".join(names(index) for index in (*(p for p, _ in walk), walk[0][0]))
-            yield Difference("cycles", f"Only the {which} counts the cycle {told}.")
+        for cycle in sorted(extra):
+            way = " → ".join(names(index) for index in (*(p for p, _ in cycle), cycle[0][0]))
+            yield Difference("cycles", f"Only the {which} counts the cycle {way}.")
 
 
 def _walk(cycle: tuple[Edge, ...], behaviour: Behaviour) -> tuple[tuple[int, str], ...]:
@@ -248,5 +249,5 @@ def _renamed(first: Behaviour, second: Behaviour) -> Iterator[Difference]:
 
 
 def _bands(predicate: Predicate) -> tuple[Number, ...]:
-    parts = (part for part in subpredicates(predicate) if isinstance(part, Comparison | Between))
-    return tuple(part.deadband for part in parts if part.deadband is not None)
+    compared = walk(predicate, Comparison, Between)
+    return tuple(part.deadband for part in compared if part.deadband is not None)

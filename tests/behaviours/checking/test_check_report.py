@@ -9,7 +9,7 @@ from rich.console import Console
 from coachable.behaviours import Behaviour, Comparison, Edge, Phase, Signal
 from coachable.behaviours.checking.check_report import print_report, to_json
 from coachable.behaviours.checking.checker import check
-from coachable.behaviours.checking.findings import Finding, Report, Subject, Unknown, witness_text
+from coachable.behaviours.checking.findings import CheckReport, Finding, Subject, Unknown, witness_text
 
 OVERLAPPING = Behaviour(
     "[bold]overlapping",
@@ -45,7 +45,7 @@ def test_people_read_what_was_proven_where_it_is_what_shows_it_and_what_to_do():
 
 def test_a_finding_about_the_whole_file_stands_at_the_file():
     assert "warning  gap   a.behaviour\n" in printed(
-        Report.of([Finding("gap", "warning", (), "Some states are outside.", "Name them.")])
+        CheckReport.of([Finding("gap", "warning", (), "Some states are outside.", "Name them.")])
     )
 
 
@@ -70,11 +70,11 @@ def test_the_gravest_come_first_and_decide():
     def finding(severity):
         return Finding(severity, severity, (Subject("phase", "low"),), "")
 
-    report = Report.of([finding("note"), finding("warning"), Unknown("why")])
+    report = CheckReport.of([finding("note"), finding("warning"), Unknown("why")])
     assert [one.severity for one in report.findings] == ["warning", "note"]
     assert (report.passes(), report.passes(strict=True)) == (True, False)
-    assert not Report.of([finding("note"), finding("error")]).passes()
-    assert Report.of([finding("note"), Unknown("why")]).passes(strict=True)
+    assert not CheckReport.of([finding("note"), finding("error")]).passes()
+    assert CheckReport.of([finding("note"), Unknown("why")]).passes(strict=True)
 
 
 def test_a_witness_is_told_in_the_order_and_units_of_the_signals():

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coachable.behaviours import All, Any, Behaviour, Comparison, Edge, Not, Phase, Signal, holds
+from coachable.behaviours.checking.cells import cells_of
 from coachable.behaviours.checking.checker import check
-from coachable.behaviours.checking.findings import Report
-from coachable.behaviours.checking.solver.cells import cells_of
+from coachable.behaviours.checking.findings import CheckReport
 from coachable.behaviours.checking.transitions import Regions, edges
-from coachable.behaviours.predicates import subpredicates
+from coachable.behaviours.tree import walk
 
 THRESHOLDS = (-1.0, 0.0, 1.0)
 AXIS = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)
@@ -100,9 +100,7 @@ def test_overlaps_empty_phases_gaps_and_touching_are_those_of_exhaustion(predica
 @given(st.lists(PREDICATES, min_size=1, max_size=3))
 def test_cells_are_counted_as_exhaustion_counts_them(predicates):
     behaviour = described(predicates)
-    comparisons = [
-        part for predicate in predicates for part in subpredicates(predicate) if isinstance(part, Comparison)
-    ]
+    comparisons = [part for predicate in predicates for part in walk(predicate, Comparison)]
     sides = {cell: tuple(holds(comparison, values(cell)) for comparison in comparisons) for cell in GRID}
     outside = {
         sides[cell]
@@ -136,7 +134,7 @@ def test_edges_that_derivatives_forbid_are_those_of_exhaustion(predicates):
     behaviour = described(predicates, derivative="x")
     cells = {phase.name: inside(phase.predicate) for phase in behaviour.phases}
     results = edges(behaviour, Regions.of(behaviour))
-    forbidden = found(Report.of(results), "impossible-edge")
+    forbidden = found(CheckReport.of(results), "impossible-edge")
     for edge in behaviour.edges:
         source, target = cells[edge.source], cells[edge.target]
         if source and target and closure(source) & closure(target):

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coachable.behaviours import All, Any, Comparison, Near, Not, Number, Variable, holds
-from coachable.behaviours.checking import smt
+from coachable.behaviours.checking.solver import smt
 from coachable.behaviours.checking.solver.corners import without_corners
 from coachable.behaviours.expressions import Arithmetic, Call, Negative
 from coachable.behaviours.rewriting import expanded

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from coachable.behaviours.library import LIBRARY
 from coachable.behaviours.text.document import formatted_file, read_document
 from coachable.behaviours.text.formatter import WIDTH, formatted
 from coachable.behaviours.text.parser import parse
-from coachable.behaviours.text.sources import LIBRARY
 
 UGLY = """\
 

@@ -4,11 +4,10 @@ import pytest
 from hypothesis import given, settings
 
 from coachable.behaviours import Behaviour
-from coachable.behaviours.library import SHIPPED
+from coachable.behaviours.library import LIBRARY, SHIPPED
 from coachable.behaviours.text.formatter import formatted
 from coachable.behaviours.text.parser import parse
 from coachable.behaviours.text.printer import to_text
-from coachable.behaviours.text.sources import LIBRARY
 from tests.behaviours.random_behaviours import behaviours, built
 
 

@@ -1,4 +1,4 @@
-"""Camping: what a robot earns that enters a phase, stops, and waits.
+"""Camping: the reward of a robot that enters a phase, stops, and waits.
 
 Staying in a phase pays +1 a control step, and a step beyond its longest dwell time −1.
 """
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from coachable.behaviours.behaviour import Behaviour, Phase
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
-from coachable.behaviours.checking.solver import smt
+from coachable.behaviours.checking.solver import Witness, witness
 from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, holds
 from coachable.behaviours.rewriting import widened
 
@@ -31,9 +31,9 @@ def camping(behaviour: Behaviour) -> Iterator[Result]:
         earlier: Predicate = Any(*(other.predicate for other in behaviour.phases[:index]))
         stays = widened(phase.predicate)
         inside = All(phase.predicate, Not(earlier))
-        match smt.witness(behaviour.signal_names, standing, inside):
+        match witness(behaviour.signal_names, standing, inside):
             case False if stays != inside.parts[0]:
-                found = smt.witness(behaviour.signal_names, standing, stays)
+                found = witness(behaviour.signal_names, standing, stays)
             case first:
                 found = first
         match found:
@@ -48,9 +48,9 @@ def camping(behaviour: Behaviour) -> Iterator[Result]:
         yield Proven("nowhere to camp")
 
 
-def _camp(phase: Phase, speeds: list[str], state: smt.Witness) -> Finding:
+def _camp(phase: Phase, speeds: list[str], state: Witness) -> Finding:
     by_deadband = "" if holds(phase.predicate, state) else ", kept there by its deadband"
-    who = f"A robot that stands still can stay in {phase.name}{by_deadband}"
+    message = f"A robot that stands still can stay in {phase.name}{by_deadband}"
     limit = math.inf if phase.dwell is None else phase.dwell.at_most
     subjects = (Subject("phase", phase.name),)
     if math.isfinite(limit):
@@ -58,7 +58,7 @@ def _camp(phase: Phase, speeds: list[str], state: smt.Witness) -> Finding:
             "bounded-camping",
             "note",
             subjects,
-            f"{who}. Its dwell time bounds what that pays: +1 every step for at most {limit:g} s, then −1.",
+            f"{message}. Its dwell time bounds the pay: +1 every step for at most {limit:g} s, then −1.",
             f"Nothing, if {limit:g} s is not much longer than {phase.name} takes in a good movement.",
             state,
         )
@@ -66,8 +66,9 @@ def _camp(phase: Phase, speeds: list[str], state: smt.Witness) -> Finding:
         "camping",
         "warning",
         subjects,
-        f"{who} and is paid for it: +1 every step, for as long as the episode lasts. No movement earns more.",
-        f"Say how long {phase.name} may last, as in `for at most 0.5 s`; or ask in it for a speed that a "
+        f"{message} and is paid for it: +1 every step, for as long as the episode lasts. "
+        "No movement earns more.",
+        f"Limit how long {phase.name} may last, as in `for at most 0.5 s`; or require a speed in it that a "
         f"standing robot does not have: {' or '.join(speeds)}.",
         state,
     )

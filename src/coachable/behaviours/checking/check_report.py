@@ -1,4 +1,4 @@
-"""A checker's report for people, in the terminal, and for programs, as JSON."""
+"""A checker's report as text for the terminal, and as JSON."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from rich.table import Table
 from rich.text import Text
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.checking.findings import SCHEMA, SEVERITIES, Report, Subject, witness_text
+from coachable.behaviours.checking.findings import SCHEMA, SEVERITIES, CheckReport, Subject, witness_text
 
 LineOf = Callable[[str, str], int | None]
-"""The line in the file of what a kind and a name stand for, if it is there."""
+"""From the kind and the name of a declaration to its line in the file, if it has one."""
 
 _STYLES = {"error": "bold red", "warning": "bold yellow", "note": "bold cyan"}
 
 
-def print_report(report: Report, behaviour: Behaviour, file: str, line_of: LineOf, console: Console) -> None:
-    """Print what was proven, then each finding with its place, its witness and what to do, then the sum."""
+def print_report(
+    report: CheckReport, behaviour: Behaviour, file: str, line_of: LineOf, console: Console
+) -> None:
+    """Print the proven clauses, then each finding with its place, witness and advice, then the counts."""
     console.print(Text.assemble((behaviour.name, "bold"), f"   {file}"), soft_wrap=True)
     console.print(_rows([("proven", ", ".join(report.proven))]))
     for finding in report.findings:
@@ -42,8 +44,8 @@ def print_report(report: Report, behaviour: Behaviour, file: str, line_of: LineO
     console.print(Text(_sum(report)))
 
 
-def to_json(report: Report, behaviour: Behaviour, file: str, line_of: LineOf) -> dict[str, typing.Any]:
-    """The report as JSON values; docs/findings.md says what each field means."""
+def to_json(report: CheckReport, behaviour: Behaviour, file: str, line_of: LineOf) -> dict[str, typing.Any]:
+    """The report as JSON values, with the fields that docs/findings.md lists."""
     return {
         "schema": SCHEMA,
         "file": file,
@@ -86,6 +88,6 @@ def _rows(rows: list[tuple[str, str]]) -> Padding:
     return Padding(table, (0, 0, 0, 2))
 
 
-def _sum(report: Report) -> str:
+def _sum(report: CheckReport) -> str:
     counts = [(report.count(severity), severity) for severity in SEVERITIES]
     return ", ".join(f"{count} {word}" + ("" if count == 1 else "s") for count, word in counts) + "."

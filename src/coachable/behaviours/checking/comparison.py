@@ -1,4 +1,4 @@
-"""Where two behaviours see a state in different phases."""
+"""States that two behaviours put into different phases."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.checking.solver.smt import Question, refuted
+from coachable.behaviours.checking.solver import Question, refuted
 from coachable.behaviours.expressions import Expression
 from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, signals_of
 from coachable.behaviours.rewriting import widened
@@ -16,7 +16,7 @@ State = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Answer:
-    """Whether there is such a state: `state` if one was found, else `decided` tells whether none exists."""
+    """The answer to a search: `state` if one was found, else whether it is `decided` that there is none."""
 
     state: State | None
     decided: bool
@@ -24,7 +24,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Disagreement:
-    """A state that the first behaviour has in one location and the second in another.
+    """A state in one location of the first behaviour and in another of the second.
 
     Locations are counted in the order of the phases, from 0; `None` is outside. Without a `state` it is not
     known whether there is one.
@@ -60,7 +60,7 @@ def disagreements(first: Behaviour, second: Behaviour) -> tuple[Disagreement, ..
 
 
 def staying_differs(one: Predicate, other: Predicate) -> Answer:
-    """A state where the deadbands of one predicate keep whoever was in it and those of the other do not."""
+    """A state where the deadbands of one predicate keep the phase and those of the other do not."""
     names = tuple(dict.fromkeys((*signals_of(one), *signals_of(other))))
     decided = True
     for inside, outside in ((widened(one), widened(other)), (widened(other), widened(one))):
@@ -86,7 +86,7 @@ def find_state(names: tuple[str, ...], claim: Predicate) -> Answer:
 
 
 def _locations(behaviour: Behaviour, outside: int) -> list[Predicate]:
-    """For each phase that it is the first one that holds; at the index `outside`, that none does."""
+    """For each phase: it is the first that holds; at the index `outside`: none holds."""
     predicates = [phase.predicate for phase in behaviour.phases]
     firsts = [All(predicate, *map(Not, predicates[:index])) for index, predicate in enumerate(predicates)]
     return [*firsts, *[Any()] * (outside - len(firsts)), Not(Any(*predicates))]

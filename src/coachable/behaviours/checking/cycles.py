@@ -1,8 +1,8 @@
-"""Can the cycles be gone through, and can the phases last as long as they are told to?
+"""Whether cycles can be completed, and whether phases can keep their dwell times.
 
 A phase that lasts for a time T and in which the rate of a signal is at least m and at most M changes that
-signal by at least m T and at most M T. Together with what the edges ask, that has to be possible all the way
-around.
+signal by at least m T and at most M T. Together with the conditions of the edges, that must be
+possible all the way around.
 """
 
 from __future__ import annotations
@@ -13,24 +13,23 @@ from fractions import Fraction
 
 from coachable.behaviours.behaviour import Behaviour, Dwell, Edge, Phase
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
-from coachable.behaviours.checking.solver import smt
-from coachable.behaviours.checking.solver.affine import affine, decimal, is_affine
-from coachable.behaviours.checking.solver.encoding import State, exact
-from coachable.behaviours.checking.transitions import Regions, rates_of
+from coachable.behaviours.checking.regions import Regions, rates_of
+from coachable.behaviours.checking.solver import Question, State, affine, decimal, exact, is_affine
 from coachable.behaviours.expressions import Arithmetic
-from coachable.behaviours.predicates import OPERATORS, Comparison, subpredicates
+from coachable.behaviours.predicates import OPERATORS, Comparison
 from coachable.behaviours.rewriting import expanded, widened
+from coachable.behaviours.tree import walk
 
 Bounds = tuple[tuple[str, Fraction | None, Fraction | None], ...]
 """Signals, each with the least and the greatest rate that it has in a phase."""
 
 
 def bounds_of(behaviour: Behaviour, phase: Phase) -> Bounds:
-    """How slowly and how fast signals change in a phase, where its comparisons bound their derivatives."""
+    """The bounds of the rates of signals in a phase, where its comparisons bound their derivatives."""
     lasting = expanded(widened(phase.predicate))
     levels: dict[str, set[Fraction]] = {}
-    for part in subpredicates(lasting):
-        if isinstance(part, Comparison) and is_affine(difference := Arithmetic(part.left, "-", part.right)):
+    for comparison in walk(lasting, Comparison):
+        if is_affine(difference := Arithmetic(comparison.left, "-", comparison.right)):
             multiples, number = affine(difference)
             used = [(signal, multiple) for signal, multiple in multiples.items() if multiple]
             if len(used) == 1:
@@ -41,7 +40,7 @@ def bounds_of(behaviour: Behaviour, phase: Phase) -> Bounds:
         known = sorted(levels.get(rate, {Fraction(0)}))
 
         def proven(relation: str, level: Fraction, rate: str = rate) -> bool:
-            question = smt.Question(behaviour.signal_names)
+            question = Question(behaviour.signal_names)
             state = question.state()
             question.require(lasting, state)
             beyond = state.symbols[rate]
@@ -55,8 +54,8 @@ def bounds_of(behaviour: Behaviour, phase: Phase) -> Bounds:
     return tuple(found)
 
 
-def _last(question: smt.Question, enter: State, leave: State, dwell: Dwell | None, bounds: Bounds) -> None:
-    """A phase is entered at one state and left at another, and lasts as long as its dwell times ask."""
+def _last(question: Question, enter: State, leave: State, dwell: Dwell | None, bounds: Bounds) -> None:
+    """Require that a phase, entered at one state and left at another, keeps its dwell times."""
     time = question.unknown_number()
     question.require_that(time >= 0)
     if dwell is not None and dwell.at_least <= dwell.at_most:
@@ -85,7 +84,7 @@ def cycles(behaviour: Behaviour, regions: Regions, broken: set[str]) -> Iterator
             continue
         blocked = [str(edge) for edge in cycle if str(edge) in broken]
         if blocked:
-            yield _impossible(index, walk, f"{blocked[0]} cannot be travelled, as is said there")
+            yield _impossible(index, walk, f"{blocked[0]} is impossible, which is an error of its own")
             continue
         # Once around, and the first edge again: so every phase is entered, lasts, and is left.
         match _followed(behaviour, regions, (*cycle, cycle[0]), phases, bounds):
@@ -108,8 +107,8 @@ def _followed(
     phases: dict[str, Phase],
     bounds: dict[str, Bounds],
 ) -> bool | None:
-    """Whether nothing speaks against going along these edges, one after the other."""
-    question = smt.Question(behaviour.signal_names)
+    """Whether nothing excludes taking these edges, one after the other."""
+    question = Question(behaviour.signal_names)
     entered: State | None = None
     for edge in walk:
         before = question.state()
@@ -137,10 +136,10 @@ def _why(
                 for signal, least, greatest in bounds[into.target]
             )
             return (
-                f"whoever came into {into.target} along {into} can never leave it along {out}, for the "
-                f"signals would have to change there as their derivatives forbid ({known})"
+                f"after {into} the phase {into.target} can never be left along {out}, for the derivatives "
+                f"rule out the change of the signals that this takes ({known})"
             )
-    return "each edge can be travelled, but not one after the other all the way around"
+    return "each edge is possible, but not one after the other all the way around"
 
 
 def _bound_texts(least: Fraction | None, greatest: Fraction | None) -> Iterator[str]:
@@ -156,12 +155,12 @@ def _impossible(index: int, walk: str, why: str) -> Finding:
         "error",
         (Subject("cycle", str(index)),),
         f"No movement can follow the cycle {walk}: {why}.",
-        "Change the order, or what the phases say about the derivatives.",
+        "Change the order, or the conditions of the phases on the derivatives.",
     )
 
 
 def dwell_times(behaviour: Behaviour, regions: Regions) -> Iterator[Result]:
-    """Dwell times that cannot be kept."""
+    """Dwell times that no movement can keep."""
     for phase in behaviour.phases:
         if phase.dwell is None:
             continue
@@ -174,17 +173,17 @@ def dwell_times(behaviour: Behaviour, regions: Regions) -> Iterator[Result]:
                 "error",
                 (Subject("phase", phase.name),),
                 f"{phase.name} cannot keep its dwell times: {complaint}",
-                "Change the times, or take them out.",
+                "Change the times, or remove them.",
             )
 
 
 def _contradiction(behaviour: Behaviour, phase: Phase, dwell: Dwell) -> str | None:
     if dwell.at_least > dwell.at_most:
-        return f"it is to last at least {dwell.at_least:g} s and at most {dwell.at_most:g} s."
+        return f"it must last at least {dwell.at_least:g} s and at most {dwell.at_most:g} s."
     if math.isinf(dwell.at_least):
-        return "it is to last for ever."
+        return "it must last for ever."
     if dwell.at_most == 0:
-        return "it is to last at most 0 s, so that being in it is a violation at once."
+        return "it must last at most 0 s, so that every stay in it is a violation."
     if math.isfinite(dwell.at_most) and not any(
         edge.source == phase.name and edge.target != phase.name for edge in behaviour.edges
     ):
@@ -197,7 +196,7 @@ def _no_room(behaviour: Behaviour, regions: Regions, phase: Phase, dwell: Dwell)
     rates = rates_of(behaviour)
     units = {signal.name: signal.unit for signal in behaviour.signals}
     for bound in bounds:
-        question = smt.Question(behaviour.signal_names)
+        question = Question(behaviour.signal_names)
         enter, leave = question.state(), question.state()
         question.require(regions.lasting[phase.name].closure, enter)
         question.require(regions.lasting[phase.name].closure, leave)

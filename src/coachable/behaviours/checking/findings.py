@@ -1,4 +1,4 @@
-"""What the checker has to say: findings, each with a witness where there is one, and what it proved."""
+"""Results of the checker: findings, each with a witness where there is one, and proven clauses."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from coachable.behaviours.predicates import Signal
 
 Severity = typing.Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
-"""Gravest first: it contradicts itself; it says less than was probably meant; it could be tidier."""
+"""Gravest first: the description contradicts itself; it is probably incomplete; it could be tidier."""
 
 SCHEMA = 1
-"""The version of what `coachable check --json` prints; it changes when a field changes its meaning."""
+"""The version of the output of `coachable check --json`; it changes when a field changes its meaning."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What in a file a finding is about: a `kind` such as "phase" and the `name` of the one."""
+    """The part of a file that a finding is about: a `kind` such as "phase", and a `name`."""
 
     kind: str
     name: str
@@ -30,11 +30,11 @@ class Subject:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that a behaviour's author should know.
+    """A probable error in a behaviour.
 
     **Arguments:** `kind`, a short name that never changes; `severity`; `subjects`, what it is about, the
-    main one first, none if it is about the whole behaviour; `message`, what is the matter, and `advice`, what
-    to do about it, for people; `witness`, a state that shows it, signal → value in the signal's unit.
+    main one first, none if it is about the whole behaviour; `message` and `advice`, the problem and its
+    remedy in words; `witness`, a state that shows it, signal → value in the signal's unit.
     """
 
     kind: str
@@ -67,19 +67,19 @@ Result = Finding | Proven | Unknown
 
 
 @dataclass(frozen=True)
-class Report:
-    """All there is to say about a behaviour: `findings`, gravest first, what is `proven` and `unknown`."""
+class CheckReport:
+    """All results for a behaviour: `findings`, gravest first, `proven` clauses and `unknown` questions."""
 
     findings: tuple[Finding, ...]
     proven: tuple[str, ...]
     unknown: tuple[str, ...]
 
     @staticmethod
-    def of(results: Iterable[Result]) -> Report:
+    def of(results: Iterable[Result]) -> CheckReport:
         """Sorts results into a report; findings of one severity keep their order."""
         results = tuple(results)
         findings = [result for result in results if isinstance(result, Finding)]
-        return Report(
+        return CheckReport(
             tuple(sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))),
             tuple(result.clause for result in results if isinstance(result, Proven)),
             tuple(result.question for result in results if isinstance(result, Unknown)),

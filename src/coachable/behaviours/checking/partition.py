@@ -1,4 +1,4 @@
-"""Do the phases divide the signal space: are they disjoint, is none of them empty, and what is outside?"""
+"""Whether phases are empty, whether they overlap, and which states are in none."""
 
 from __future__ import annotations
 
@@ -6,28 +6,28 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 
 from coachable.behaviours.behaviour import Behaviour, Phase
+from coachable.behaviours.checking.cells import Cells, cells_of
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
-from coachable.behaviours.checking.solver import smt
-from coachable.behaviours.checking.solver.cells import Cells, cells_of
+from coachable.behaviours.checking.solver import conflict, essence, refuted, witness
 from coachable.behaviours.predicates import Any, Not, Predicate
 from coachable.behaviours.rewriting import conjuncts
 
 _LISTED, _SHORT = 3, 5
-"""How many cells are listed, and how few comparisons make a cell short enough to list so many."""
+"""The number of cells in a list, and the most comparisons of a cell in a list of more than one."""
 
 
 def empty_phases(behaviour: Behaviour) -> Iterator[Result]:
     """Phases that hold nowhere."""
     for phase in behaviour.phases:
-        match smt.witness(behaviour.signal_names, phase.predicate):
+        match witness(behaviour.signal_names, phase.predicate):
             case False:
-                culprits = smt.conflict(behaviour.signal_names, conjuncts(phase.predicate))
+                culprits = conflict(behaviour.signal_names, conjuncts(phase.predicate))
                 yield Finding(
                     "empty-phase",
                     "error",
                     (Subject("phase", phase.name),),
                     f"No state is in {phase.name}: {_excluding(culprits)}.",
-                    f"Change one of these, or take {phase.name} out.",
+                    f"Change one of these, or remove {phase.name}.",
                 )
             case None:
                 yield Unknown(f"whether any state is in {phase.name}")
@@ -47,7 +47,7 @@ def overlaps(behaviour: Behaviour) -> Iterator[Result]:
     """Pairs of phases that hold at one state."""
     disjoint = True
     for first, second in itertools.combinations(behaviour.phases, 2):
-        match smt.witness(behaviour.signal_names, first.predicate, second.predicate):
+        match witness(behaviour.signal_names, first.predicate, second.predicate):
             case False:
                 continue
             case None:
@@ -60,18 +60,18 @@ def overlaps(behaviour: Behaviour) -> Iterator[Result]:
 
 
 def _overlap(behaviour: Behaviour, first: Phase, second: Phase, state: Mapping[str, float]) -> Finding:
-    hidden = smt.refuted(behaviour.signal_names, second.predicate, Not(first.predicate))
+    hidden = refuted(behaviour.signal_names, second.predicate, Not(first.predicate))
     consequence = (
-        f"Every state of {second.name} is also in {first.name}, so nobody ever is in {second.name}."
+        f"Every state of {second.name} is also in {first.name}, so no state counts as {second.name}."
         if hidden
-        else f"Such a state counts as {first.name}, only because that is written first."
+        else f"Such a state counts as {first.name} only because {first.name} is written first."
     )
     return Finding(
         "overlap",
         "error",
         (Subject("phase", second.name), Subject("phase", first.name)),
         f"A state can be in {first.name} and in {second.name} at once. {consequence}",
-        f"Say in one of them what tells it from the other; `not` and a phrase of {first.name} will do.",
+        f"Add to one of them a condition that excludes the other, as `not` and a phrase of {first.name} do.",
         state,
     )
 
@@ -80,7 +80,7 @@ def gaps(behaviour: Behaviour) -> Iterator[Result]:
     """States in no phase."""
     outside = Not(Any(*(phase.predicate for phase in behaviour.phases)))
     cells = cells_of(behaviour)
-    match smt.witness(behaviour.signal_names, outside):
+    match witness(behaviour.signal_names, outside):
         case False:
             yield Proven("no state outside")
             if behaviour.outside is not None:
@@ -88,8 +88,8 @@ def gaps(behaviour: Behaviour) -> Iterator[Result]:
                     "unused-outside",
                     "note",
                     (),
-                    f'"{behaviour.outside}" is what being outside is called, but every state is in a phase.',
-                    "Take the line out.",
+                    f'"{behaviour.outside}" names the states outside all phases, but there are none.',
+                    "Remove the line.",
                 )
         case None:
             yield Unknown("whether any state is outside all phases")
@@ -103,7 +103,7 @@ def gaps(behaviour: Behaviour) -> Iterator[Result]:
 
 
 _NAME_IT = (
-    'If that is meant, say so and name it: outside "stumbling". If not, a phase is missing or too narrow.'
+    'If this is intended, name it, as in: outside "stumbling". If not, a phase is missing or too narrow.'
 )
 
 
@@ -115,7 +115,7 @@ def _gap(behaviour: Behaviour, cells: Cells | None) -> str:
     if cells is None:
         return "Some states are in no phase."
     number = _LISTED if all(len(cell) <= _SHORT for cell in cells.outside) else 1
-    essences = [smt.essence(behaviour.signal_names, cell) for cell in cells.outside[:number]]
+    essences = [essence(behaviour.signal_names, cell) for cell in cells.outside[:number]]
     listed = "; ".join(" and ".join(map(str, essence)) for essence in essences)
     more = len(cells.outside) - number
     rest = f"; and {more} more" if more > 0 else ""

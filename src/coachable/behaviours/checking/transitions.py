@@ -1,91 +1,16 @@
-"""Can the edges be travelled: do their phases touch, do the derivatives allow it, is the choice clear?"""
+"""Whether edges are possible: their phases touch, the derivatives allow it, and the choice is unique."""
 
 from __future__ import annotations
 
-import functools
 import itertools
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 
 from coachable.behaviours.behaviour import Behaviour, Edge
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
-from coachable.behaviours.checking.solver import smt
-from coachable.behaviours.checking.solver.encoding import State, Witness
-from coachable.behaviours.checking.solver.regions import Crossing, Region, region, relaxed
-from coachable.behaviours.predicates import All, Comparison, Predicate
+from coachable.behaviours.checking.regions import RateCondition, Regions, relaxed
+from coachable.behaviours.checking.solver import Question, Witness, conflict
+from coachable.behaviours.predicates import All, Predicate
 from coachable.behaviours.rewriting import conjuncts, expanded, widened
-
-
-def rates_of(behaviour: Behaviour) -> dict[str, str]:
-    """Signal → the signal that is declared to be its derivative."""
-    return {
-        signal.derivative_of: signal.name
-        for signal in reversed(behaviour.signals)
-        if signal.derivative_of is not None
-    }
-
-
-@dataclass(frozen=True)
-class Regions:
-    """Each phase as the region in which it is entered, and the one in which it lasts.
-
-    With a deadband a phase lasts farther than it is entered.
-    """
-
-    entered: Mapping[str, Region]
-    lasting: Mapping[str, Region]
-    region_of: Callable[[Predicate], Region]
-    signals: tuple[str, ...]
-
-    @staticmethod
-    def of(behaviour: Behaviour) -> Regions:
-        """The regions of all phases."""
-        rates = rates_of(behaviour)
-
-        @functools.cache
-        def refuted(predicate: Predicate) -> bool | None:
-            return smt.refuted(behaviour.signal_names, predicate)
-
-        @functools.cache
-        def region_of(predicate: Predicate) -> Region:
-            return region(predicate, rates, refuted)
-
-        return Regions(
-            {phase.name: region_of(expanded(phase.predicate)) for phase in behaviour.phases},
-            {phase.name: region_of(widened(phase.predicate)) for phase in behaviour.phases},
-            region_of,
-            behaviour.signal_names,
-        )
-
-    def travel(self, edge: Edge, question: smt.Question, before: State) -> State:
-        """The state right after going along an edge: the same one, the reset one, or one nobody knows."""
-        if edge.reset:
-            return question.after(before, edge.reset)
-        return question.state() if edge.event is not None else before
-
-    def touch(self, edge: Edge) -> bool | None:
-        """Whether the edge's phases touch, across the reset if there is one; `None` if that is not known."""
-        source, target = self.lasting[edge.source], self.entered[edge.target]
-        return self._possible(edge, source.closure, target.closure, source.exact and target.exact)
-
-    def travelled(self, edge: Edge, only: Comparison | None = None) -> bool | None:
-        """Whether the derivatives allow it to go along the edge; `only` looks at what one comparison asks."""
-        source, target = self.lasting[edge.source], self.entered[edge.target]
-        leave, enter = source.passage(True, only), target.passage(False, only)
-        return self._possible(edge, leave, enter, source.exact and target.exact)
-
-    def _possible(self, edge: Edge, leave: Predicate, enter: Predicate, exact: bool) -> bool | None:
-        question = smt.Question(self.signals)
-        before = question.state()
-        question.require(leave, before)
-        question.require(enter, self.travel(edge, question, before))
-        match question.refuted():
-            case True:
-                return False
-            case False if exact:
-                return True
-            case _:
-                return None
 
 
 def edges(behaviour: Behaviour, regions: Regions) -> Iterator[Result]:
@@ -121,12 +46,12 @@ def _apart(behaviour: Behaviour, edge: Edge) -> Finding:
             subjects,
             f"The jump of {edge} never lands in {edge.target}: from wherever {edge.source} is, {jumps} leads "
             "elsewhere.",
-            "Change the reset, the target, or what the source says.",
+            "Change the reset, the target, or the conditions of the source.",
         )
     phases = {phase.name: phase for phase in behaviour.phases}
     sides = [conjuncts(relaxed(widened(phases[edge.source].predicate)))]
     sides.append(conjuncts(relaxed(phases[edge.target].predicate)))
-    culprits = smt.conflict(behaviour.signal_names, list(itertools.chain(*sides)))
+    culprits = conflict(behaviour.signal_names, list(itertools.chain(*sides)))
     between = "; ".join(f"`{culprit}`" for culprit in culprits)
     why = f" What keeps them apart, boundaries included: {between}." if 0 < len(culprits) <= 4 else ""
     return Finding(
@@ -135,38 +60,41 @@ def _apart(behaviour: Behaviour, edge: Edge) -> Finding:
         subjects,
         f"Nothing goes from {edge.source} to {edge.target} in one instant: the two phases have no common "
         f"boundary.{why}",
-        "Add the phase that lies between them; or if the signals jump there, say at what event, with `on`.",
+        "Add the phase that lies between them; or if the signals jump there, give the edge an event: `on`.",
     )
 
 
 def _forbidden(regions: Regions, edge: Edge) -> Finding:
     source, target = regions.lasting[edge.source], regions.entered[edge.target]
-    demands = [(edge.source, crossing, "leave") for crossing in source.demands(True)]
-    demands += [(edge.target, crossing, "enter") for crossing in target.demands(False)]
+    demands = [(edge.source, condition, "Leaving") for condition in source.demands(True)]
+    demands += [(edge.target, condition, "Entering") for condition in target.demands(False)]
     alone = [demand for demand in demands if regions.travelled(edge, demand[1].comparison) is False]
-    wants = "; ".join(_demand(*demand) for demand in (alone[:1] or demands))
-    fate = "and the phase does not allow it" if alone else "and all that together is not possible"
+    required = "; ".join(_demand(*demand) for demand in (alone[:1] or demands))
+    reason = "which the phase excludes" if alone else "and all of this together is impossible"
     return Finding(
         "impossible-edge",
         "error",
         (Subject("edge", str(edge)),),
-        f"No movement goes from {edge.source} to {edge.target}: the derivatives forbid it. {wants}, {fate}.",
-        f"Turn the edge around, or change what {edge.source} or {edge.target} says about the derivative.",
+        f"No movement goes from {edge.source} to {edge.target}: the derivatives rule it out. "
+        f"{required}, {reason}.",
+        f"Reverse the edge, or change the condition of {edge.source} or {edge.target} on the derivative.",
     )
 
 
-def _demand(phase: str, crossing: Crossing, change: str) -> str:
-    return f"To {change} {phase} across the boundary of `{crossing.comparison}` takes `{crossing}` in {phase}"
+def _demand(phase: str, condition: RateCondition, change: str) -> str:
+    return (
+        f"{change} {phase} across the boundary of `{condition.comparison}` requires `{condition}` in {phase}"
+    )
 
 
-def _both_taken(regions: Regions, phases: Mapping[str, Predicate], one: Edge, other: Edge) -> smt.Question:
+def _both_taken(regions: Regions, phases: Mapping[str, Predicate], one: Edge, other: Edge) -> Question:
     """The question for a state in which both edges of one source can be taken.
 
     Without a jump, it is where the targets overlap, if that touches the source. With one, it is where both
-    jumps land in their targets. An event does the same to the signals on both edges; what, nobody knows where
-    neither tells.
+    jumps land in their targets. An event does the same to the signals on both edges; without a reset it is
+    unknown.
     """
-    question = smt.Question(regions.signals)
+    question = Question(regions.signals)
     state = question.state()
     targets = (phases[one.target], phases[other.target])
     event = one.event is not None
@@ -188,14 +116,14 @@ def _both_taken(regions: Regions, phases: Mapping[str, Predicate], one: Edge, ot
 
 
 def _choice(one: Edge, other: Edge, state: Witness) -> Finding:
-    message = f"At one state both {one} and {other} can be taken, and nothing says which."
+    message = f"At one state both {one} and {other} can be taken, and nothing decides between them."
     advice = (
         f"Make {one.target} and {other.target} exclude one another there, or give the edges different events."
     )
     if one.target == other.target:
         jumps = (", ".join(map(str, edge.reset)) or "no jump" for edge in (one, other))
         message = f"{one} leads to two states at once: {' or '.join(jumps)}."
-        advice = "Give the edges different events, or take one of them out."
+        advice = "Give the edges different events, or remove one of them."
     subjects = tuple(dict.fromkeys((Subject("edge", str(other)), Subject("edge", str(one)))))
     return Finding("two-edges-at-once", "error", subjects, message, advice, state)
 

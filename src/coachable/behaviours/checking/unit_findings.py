@@ -1,4 +1,4 @@
-"""Do the units agree, wherever two numbers are compared, added or assigned?"""
+"""Units that differ where two numbers are compared, added or assigned, and units that cannot be parsed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from coachable.behaviours.expressions import (
     Negative,
     Number,
     Variable,
-    subexpressions,
 )
 from coachable.behaviours.predicates import (
     All,
@@ -25,11 +24,9 @@ from coachable.behaviours.predicates import (
     Comparison,
     Near,
     Not,
-    Phrase,
     Predicate,
-    expressions_of,
-    subpredicates,
 )
+from coachable.behaviours.tree import children, walk
 from coachable.foundation.errors import BehaviourError
 
 Measure = Unit | None
@@ -47,10 +44,7 @@ def unit_mismatches(behaviour: Behaviour) -> Iterator[Result]:
     for signal in behaviour.signals:
         if signal.derivative_of is not None:
             found += _of_derivative(behaviour, signal.name, signal.derivative_of, units)
-    phrases = {phrase.words: phrase for phrase in behaviour.vocabulary}
-    for phase in behaviour.phases:
-        phrases.update({phrase.words: phrase for phrase in _phrases_in(phase.predicate)})
-    places = [(Subject("phrase", words), phrase.predicate) for words, phrase in phrases.items()]
+    places = [(Subject("phrase", phrase.words), phrase.predicate) for phrase in behaviour.vocabulary]
     places += [(Subject("phase", phase.name), phase.predicate) for phase in behaviour.phases]
     for subject, predicate in places:
         ledger = Ledger(subject, units, [])
@@ -68,7 +62,7 @@ def unit_mismatches(behaviour: Behaviour) -> Iterator[Result]:
 
 @dataclass(frozen=True)
 class Ledger:
-    """Follows the units through the predicates at one place, and notes what does not agree."""
+    """The units in the predicates at one place, and the findings where they differ."""
 
     subject: Subject
     units: Mapping[str, Unit]
@@ -87,16 +81,12 @@ class Ledger:
             case Near(value, target, tolerance):
                 self.meet(value, target, str(predicate))
                 self.meet(value, tolerance, str(predicate))
-            case Not(part):
-                self.check(part)
-            case All(parts=parts) | Any(parts=parts):
-                for part in parts:
+            case Not() | All() | Any():
+                for part in children(predicate):
                     self.check(part)
-            case _:
-                return
 
     def meet(self, one: Expression, other: Expression, where: str) -> Measure:
-        """Two expressions that must be in one unit; returns it."""
+        """The common unit of two expressions; a finding if they have two."""
         first, second = self.of(one, where), self.of(other, where)
         if first is None or second is None:
             return second if first is None else first
@@ -108,7 +98,7 @@ class Ledger:
         return first
 
     def of(self, expression: Expression, where: str) -> Measure:
-        """The unit of an expression; what does not agree inside it is noted, unless `where` is empty."""
+        """The unit of an expression; unless `where` is empty, units that differ inside it make a finding."""
         match expression:
             case Number(unit=unit) | Constant(number=Number(unit=unit)):
                 return parse_unit(unit) if unit else None
@@ -160,7 +150,7 @@ def _in(expression: Expression, unit: Unit) -> str:
 
 
 def _conversion(one: Expression, first: Unit, other: Expression, second: Unit) -> str:
-    """What the number would be in the other unit, if it can be told."""
+    """The number in the other unit, if the dimensions agree."""
     if not first.same_dimension(second):
         return ""
     for expression, own, wanted in ((other, second, first), (one, first, second)):
@@ -179,17 +169,16 @@ def _unreadable(behaviour: Behaviour) -> Iterator[Finding]:
         named += [(subject, number.unit) for number in _numbers_in(predicate)]
     for edge in behaviour.edges:
         for jump in edge.reset:
-            numbers = [node for node in subexpressions(jump.expression) if isinstance(node, Number)]
-            named += [(Subject("edge", str(edge)), number.unit) for number in numbers]
-    told = set()
+            named += [(Subject("edge", str(edge)), number.unit) for number in walk(jump.expression, Number)]
+    seen = set()
     for subject, unit in named:
-        if unit in told:
+        if unit in seen:
             continue
-        told.add(unit)
+        seen.add(unit)
         try:
             parse_unit(unit)
         except BehaviourError as error:
-            yield Finding("unreadable-unit", "error", (subject,), f"{subject}: {error}.", "Mend the unit.")
+            yield Finding("unreadable-unit", "error", (subject,), f"{subject}: {error}.", "Correct the unit.")
             continue
         for word, near in unfamiliar(unit).items():
             if near is not None:
@@ -197,17 +186,14 @@ def _unreadable(behaviour: Behaviour) -> Iterator[Finding]:
                     "unfamiliar-unit",
                     "note",
                     (subject,),
-                    f"{subject} is in {unit}, and {word} is taken for a unit of its own.",
+                    f"{subject} is in {unit}, and {word} counts as a unit of its own.",
                     f"Did you mean {near}?",
                 )
 
 
 def _numbers_in(predicate: Predicate) -> Iterator[Number]:
-    for expression in expressions_of(predicate):
-        yield from (node for node in subexpressions(expression) if isinstance(node, Number))
-    for part in subpredicates(predicate):
-        if isinstance(part, Comparison | Between) and part.deadband is not None:
-            yield part.deadband
+    yield from walk(predicate, Number)
+    yield from (part.deadband for part in walk(predicate, Comparison, Between) if part.deadband is not None)
 
 
 def _of_derivative(
@@ -222,19 +208,5 @@ def _of_derivative(
             (Subject("signal", signal),),
             f"{signal} = d/dt {derivative_of} must be in [{texts[derivative_of] or '1'}/s], "
             + (f"and is in [{texts[signal]}]." if texts[signal] else "and has no unit."),
-            f"Write {signal} [{texts[derivative_of] or '1'}/s], or take `d/dt {derivative_of}` out.",
+            f"Write {signal} [{texts[derivative_of] or '1'}/s], or remove `d/dt {derivative_of}`.",
         )
-
-
-def _phrases_in(predicate: Predicate) -> Iterator[Phrase]:
-    match predicate:
-        case Phrase(predicate=inner):
-            yield from _phrases_in(inner)
-            yield predicate
-        case Not(part):
-            yield from _phrases_in(part)
-        case All(parts=parts) | Any(parts=parts):
-            for part in parts:
-                yield from _phrases_in(part)
-        case _:
-            return

@@ -1,4 +1,4 @@
-"""Units: what `rad/s` or `N*m` is made of, and whether two units are the same.
+"""Units such as `rad/s` and `N*m`: their base units, and whether two are the same.
 
 Nothing is ever converted. A word that is not known is a unit of its own, equal only to itself.
 """

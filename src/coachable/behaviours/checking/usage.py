@@ -1,4 +1,4 @@
-"""Is every word of the description used, and is every phase part of the order?"""
+"""Unused names, and phases that are not part of the order."""
 
 from __future__ import annotations
 
@@ -6,29 +6,26 @@ from collections.abc import Iterator
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject
-from coachable.behaviours.expressions import Constant, Expression, Variable, subexpressions
-from coachable.behaviours.predicates import Phrase, expressions_of, subpredicates
+from coachable.behaviours.expressions import Constant, Variable
+from coachable.behaviours.predicates import Phrase
+from coachable.behaviours.tree import Node, walk
 
 
 def unused(behaviour: Behaviour) -> Iterator[Result]:
     """Phrases, constants and signals that no phase and no reset needs."""
-    parts = [part for phase in behaviour.phases for part in subpredicates(phase.predicate)]
-    said = {part.words for part in parts if isinstance(part, Phrase)}
-    expressions: list[Expression] = [
-        expression for phase in behaviour.phases for expression in expressions_of(phase.predicate)
-    ]
-    expressions += [jump.expression for edge in behaviour.edges for jump in edge.reset]
-    nodes = [node for expression in expressions for node in subexpressions(expression)]
-    constants = {node.name for node in nodes if isinstance(node, Constant)}
-    signals = {node.signal for node in nodes if isinstance(node, Variable)}
+    trees: list[Node] = [phase.predicate for phase in behaviour.phases]
+    trees += [jump.expression for edge in behaviour.edges for jump in edge.reset]
+    phrases = {phrase.words for tree in trees for phrase in walk(tree, Phrase)}
+    constants = {constant.name for tree in trees for constant in walk(tree, Constant)}
+    signals = {variable.signal for tree in trees for variable in walk(tree, Variable)}
     for phrase in behaviour.vocabulary:
-        if phrase.words not in said:
+        if phrase.words not in phrases:
             yield Finding(
                 "unused-phrase",
                 "note",
                 (Subject("phrase", phrase.words),),
-                f'No phase says "{phrase.words}".',
-                "Use it or take it out.",
+                f'No phase uses the phrase "{phrase.words}".',
+                "Use it or remove it.",
             )
     for constant in behaviour.constants:
         if constant.name not in constants:
@@ -37,7 +34,7 @@ def unused(behaviour: Behaviour) -> Iterator[Result]:
                 "note",
                 (Subject("constant", constant.name),),
                 f"No phase depends on the constant {constant.name}.",
-                "Use it or take it out.",
+                "Use it or remove it.",
             )
     for signal in behaviour.signals:
         if signal.name not in signals:
@@ -45,8 +42,8 @@ def unused(behaviour: Behaviour) -> Iterator[Result]:
                 "unused-signal",
                 "note",
                 (Subject("signal", signal.name),),
-                f"No phase depends on the signal {signal.name}, but whoever uses the behaviour must give it.",
-                "Use it or take it out.",
+                f"No phase depends on the signal {signal.name}, but every use of the behaviour requires it.",
+                "Use it or remove it.",
             )
 
 
@@ -70,7 +67,7 @@ def unconnected(behaviour: Behaviour) -> Iterator[Result]:
                 "unentered-phase",
                 "note",
                 subjects,
-                f"No edge enters {name}: one can only begin in it.",
+                f"No edge enters {name}: a movement can only begin in it.",
                 f"Nothing, if the movement begins with {name}; else add an edge to it.",
             )
         elif name not in left:
@@ -78,7 +75,7 @@ def unconnected(behaviour: Behaviour) -> Iterator[Result]:
                 "dead-end-phase",
                 "note",
                 subjects,
-                f"No edge leaves {name}: whoever is in it must stay.",
+                f"No edge leaves {name}: a movement that enters it must stay.",
                 f"Nothing, if the movement ends with {name}; else add an edge from it.",
             )
 

@@ -1,4 +1,4 @@
-"""What is wrong with a text: every mistake with its line, column, a caret and what to do about it."""
+"""Errors in a text, each with its line and column, a caret, and a hint."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NoReturn
 
 from coachable.foundation.errors import BehaviourTextError
 
-MOST_MISTAKES = 50
+MAX_DIAGNOSTICS = 50
 _WIDTH = 100
 _UNNAMED = "the text"
 
@@ -30,8 +30,8 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Mistake:
-    """Something wrong at a place, and a hint of what to write instead."""
+class Diagnostic:
+    """An error at a place, and a hint of what to write instead."""
 
     place: Place
     message: str
@@ -45,33 +45,33 @@ class Mistake:
         return "\n".join([*lines, *([f"  {self.hint}"] if self.hint else [])])
 
 
-class Mistakes:
-    """The mistakes found so far; reading goes on after each, until there are too many to be of use."""
+class Diagnostics:
+    """The errors found so far; reading continues after each one, up to `MAX_DIAGNOSTICS`."""
 
     def __init__(self):
-        self._found: list[Mistake] = []
+        self._found: list[Diagnostic] = []
 
     def add(self, place: Place, message: str, hint: str = "") -> None:
-        """Note a mistake. **Raises:** `BehaviourTextError` if there are as many as anyone would read."""
-        self._found.append(Mistake(place, message, hint))
-        if len(self._found) == MOST_MISTAKES:
-            self.stop(f"Only the first {MOST_MISTAKES} mistakes are shown.")
+        """Add an error. **Raises:** `BehaviourTextError` if there are `MAX_DIAGNOSTICS` of them."""
+        self._found.append(Diagnostic(place, message, hint))
+        if len(self._found) == MAX_DIAGNOSTICS:
+            self.stop(f"Only the first {MAX_DIAGNOSTICS} errors are shown.")
 
     def __bool__(self) -> bool:
         return bool(self._found)
 
     def stop(self, remark: str = "") -> NoReturn:
-        """**Raises:** `BehaviourTextError` with what was found, in the order of the text."""
+        """**Raises:** `BehaviourTextError` with the errors found, in the order of the text."""
         order = {source: index for index, source in enumerate(self._sources())}
         found = sorted(self._found, key=lambda m: (order[m.place.source], m.place.line, m.place.column))
         raise BehaviourTextError("\n".join([*map(str, found), *([remark] if remark else [])]))
 
     def _sources(self) -> list[Source]:
-        return list(dict.fromkeys(mistake.place.source for mistake in self._found))
+        return list(dict.fromkeys(diagnostic.place.source for diagnostic in self._found))
 
 
 def _shown(place: Place) -> list[str]:
-    """The line, as much of it as fits, and a caret below; what could deceive the eye becomes a `?`."""
+    """The line, as much of it as fits, and a caret below; unprintable characters become a `?`."""
     if not 1 <= place.line <= len(place.source.lines):
         return []
     line = place.source.lines[place.line - 1]

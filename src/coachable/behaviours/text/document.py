@@ -1,4 +1,4 @@
-"""A behaviour file as it is: its text, the behaviour that it describes, and where it says what."""
+"""A behaviour file: its text, the behaviour that it describes, and the line of each declaration."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Document:
     lines: Mapping[tuple[str, str], int]
 
     def line_of(self, kind: str, name: str) -> int | None:
-        """The line in which something is said, counted from 1, or None if the file does not say it.
+        """The line of a declaration, counted from 1, or `None` if the file does not have it.
 
         **Arguments:** `kind` and `name`: `signal`, `constant` or `phase` and its name, `phrase` and its
-        words, `edge` and its `str`, `cycle` and its index as text. What an included file says is said where
-        it is included, and a mirror image where its original is.
+        words, `edge` and its `str`, `cycle` and its index as text. A declaration in an included file has
+        the line of the `include`, and a mirror image that of its original.
         """
         return self.lines.get((kind, name))
 
@@ -34,7 +34,7 @@ class Document:
 def read_document(path: str | Path) -> Document:
     """The document in a file.
 
-    **Raises:** `BehaviourError` if it cannot be read as text, `BehaviourTextError` with every mistake in it.
+    **Raises:** `BehaviourError` if it cannot be read as text, `BehaviourTextError` with every error in it.
     """
     path = Path(path)
     text = read_text(path)
@@ -45,7 +45,7 @@ def read_document(path: str | Path) -> Document:
 def formatted_file(path: str | Path) -> tuple[str, str]:
     """The text of a file, a behaviour or one made to be included, and how it reads once formatted.
 
-    **Raises:** `BehaviourError` as `read_document` does: what has mistakes is not formatted.
+    **Raises:** `BehaviourError` as `read_document` does: a text with errors is not formatted.
     """
     path = Path(path)
     text = read_text(path)

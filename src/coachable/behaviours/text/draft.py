@@ -1,4 +1,4 @@
-"""What a text declares so far, and what its mirror adds."""
+"""The declarations of a text so far, and those that its mirror adds."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from coachable.behaviours.behaviour import Edge, Phase
 from coachable.behaviours.expressions import Constant
 from coachable.behaviours.predicates import Phrase, Signal, constants_of, phrases_of, signals_of
 from coachable.behaviours.rewriting import normal_form
-from coachable.behaviours.text.diagnostics import Mistakes
+from coachable.behaviours.text.diagnostics import Diagnostics
 from coachable.behaviours.text.mirror import Mirror
-from coachable.behaviours.text.semantics import Meaning
+from coachable.behaviours.text.semantics import Scope
 from coachable.behaviours.text.syntax import Statement
 
 Chain = tuple[Edge, ...]
-"""The edges along a line of `cycle`, which may end elsewhere than they begin."""
+"""The edges along a line of `cycle`; they need not end where they begin."""
 
 
 @dataclass
 class Draft:
-    """What a text declares, each thing with the statement that says so; an image has that of its original."""
+    """The declarations of a text, each with its statement; an image has the statement of its original."""
 
     signals: dict[str, tuple[Signal, Statement]] = field(default_factory=dict)
     constants: dict[str, tuple[Constant, Statement]] = field(default_factory=dict)
@@ -39,18 +39,18 @@ class Draft:
 
 
 def drop_unused(draft: Draft, own: Sequence[Statement]) -> None:
-    """Leave out signals, constants and phrases that only included files declare and nothing makes use of.
+    """Drop signals, constants and phrases that only included files declare and that nothing uses.
 
-    So whoever uses the behaviour need not give signals of which only the vocabulary speaks.
+    A user of the behaviour then need not provide signals that occur in unused vocabulary only.
 
     **Arguments:** `own`, the statements of the text itself.
     """
     stays = {id(statement) for statement in own}
     predicates = [phase.predicate for phase, _ in draft.phases.values()]
-    predicates += [phrase.predicate for phrase, said in draft.phrases.values() if id(said) in stays]
+    predicates += [phrase.predicate for phrase, statement in draft.phrases.values() if id(statement) in stays]
     signals = {name for predicate in predicates for name in signals_of(predicate)}
-    for signal, said in draft.signals.values():
-        if signal.derivative_of and (signal.name in signals or id(said) in stays):
+    for signal, statement in draft.signals.values():
+        if signal.derivative_of and (signal.name in signals or id(statement) in stays):
             signals.add(signal.derivative_of)
     constants = {constant.name for predicate in predicates for constant in constants_of(predicate)}
     phrases = {phrase.words for predicate in predicates for phrase in phrases_of(predicate)}
@@ -60,12 +60,12 @@ def drop_unused(draft: Draft, own: Sequence[Statement]) -> None:
 
 
 def _keep(declared: dict[str, tuple[Any, Statement]], used: set[str], stays: set[int]) -> None:
-    for name, (_, said) in list(declared.items()):
-        if name not in used and id(said) not in stays:
+    for name, (_, statement) in list(declared.items()):
+        if name not in used and id(statement) not in stays:
             del declared[name]
 
 
-def add_images(draft: Draft, mirror: Mirror, meaning: Meaning, mistakes: Mistakes) -> None:
+def add_images(draft: Draft, mirror: Mirror, scope: Scope, diagnostics: Diagnostics) -> None:
     """Add the mirror images of constants, phrases and phases, except where the text has its own.
 
     What keeps its name in the mirror must be its own image.
@@ -75,21 +75,21 @@ def add_images(draft: Draft, mirror: Mirror, meaning: Meaning, mistakes: Mistake
     for words, (phrase, statement) in list(draft.phrases.items()):
         image = mirror.text(words)
         if image != words:
-            if (mirrored := meaning.phrase(image)) is not None:
+            if (mirrored := scope.phrase(image)) is not None:
                 draft.phrases.setdefault(image, (mirrored, statement))
-        elif normal_form(meaning.mirrored(phrase.predicate)) != normal_form(phrase.predicate):
-            _refuse_lopsided(f"phrase {words!r}", mirror, statement, mistakes)
+        elif normal_form(scope.mirrored(phrase.predicate)) != normal_form(phrase.predicate):
+            _refuse_lopsided(f"phrase {words!r}", mirror, statement, diagnostics)
     for name, (phase, statement) in list(draft.phases.items()):
-        image, predicate = mirror.text(name), meaning.mirrored(phase.predicate)
+        image, predicate = mirror.text(name), scope.mirrored(phase.predicate)
         if image != name:
             mirrored = Phase(image, mirror.text(phase.title), predicate, phase.dwell)
             draft.phases.setdefault(image, (mirrored, statement))
         elif normal_form(predicate) != normal_form(phase.predicate):
-            _refuse_lopsided(f"phase {name}", mirror, statement, mistakes)
+            _refuse_lopsided(f"phase {name}", mirror, statement, diagnostics)
 
 
-def close_chains(draft: Draft, mirror: Mirror | None, mistakes: Mistakes) -> None:
-    """Make edges and cycles of the chains; a cycle that ends in its mirrored beginning goes on mirrored."""
+def close_chains(draft: Draft, mirror: Mirror | None, diagnostics: Diagnostics) -> None:
+    """Make edges and cycles of the chains; a cycle that ends in its mirrored beginning continues mirrored."""
     images: list[tuple[Chain, Statement]] = []
     for chain, statement in draft.chains:
         image = tuple(mirror.edge(edge, draft.constant_of) for edge in chain) if mirror else ()
@@ -104,7 +104,7 @@ def close_chains(draft: Draft, mirror: Mirror | None, mistakes: Mistakes) -> Non
                     else f"{first} or {mirror.text(first)}"
                 )
                 message = f"the cycle begins in {first} and ends in {last}"
-                mistakes.add(statement.place(), message, f"it must end in {ends}")
+                diagnostics.add(statement.place(), message, f"it must end in {ends}")
                 continue
             draft.cycles.append((chain, statement))
         if image:
@@ -122,10 +122,10 @@ def _same_walk(one: Chain, other: Chain) -> bool:
     return len(one) == len(other) and any(one == (*other[i:], *other[:i]) for i in range(len(other)))
 
 
-def _refuse_lopsided(what: str, mirror: Mirror, statement: Statement, mistakes: Mistakes) -> None:
+def _refuse_lopsided(what: str, mirror: Mirror, statement: Statement, diagnostics: Diagnostics) -> None:
     words = " nor ".join(list(mirror.words)[:2])
-    mistakes.add(
+    diagnostics.add(
         statement.place(),
-        f"{what} is another one in the mirror, but its name has neither {words} in it",
-        f"name it by its side, as in {next(iter(mirror.words))}",
+        f"{what} differs from its mirror image, but its name contains neither {words}",
+        f"name its side, as in {next(iter(mirror.words))}",
     )

@@ -1,4 +1,4 @@
-"""One layout for every text: the same tokens and comments, indented, aligned and wrapped alike."""
+"""The standard layout of a text: the same tokens and comments, indented, aligned and wrapped alike."""
 
 from __future__ import annotations
 
@@ -7,37 +7,37 @@ from itertools import groupby
 
 from lark import Token
 
-from coachable.behaviours.text.diagnostics import Mistakes
+from coachable.behaviours.text.diagnostics import Diagnostics
 from coachable.behaviours.text.lines import Row, rows_of
-from coachable.behaviours.text.syntax import SPEAKING_HEADERS, STRING, statement_of, tokens_of
+from coachable.behaviours.text.syntax import HEADERS_WITH_CONTENT, STRING, statement_of, tokens_of
 
 WIDTH = 100
 _FARTHER = 4
-"""How far lines that go on are indented at least."""
+"""The least indentation of lines that continue an item."""
 _DEEPEST = 50
-"""Where lines that go on would begin farther right than this, they begin near the left instead."""
+"""Lines that continue an item and would begin farther right than this begin near the left instead."""
 
 Line = tuple[str, str]
-"""What a line is (`blank`, `comment`, `header` or `item`) and how it reads."""
+"""The kind of a line (`blank`, `comment`, `header` or `item`) and its text."""
 
 
 def formatted(text: str, name: str = "") -> str:
-    """The text in the one layout. Its tokens, comments and their order stay; formatting it twice is once.
+    """The text in the standard layout. Its tokens, comments and their order stay; formatting is idempotent.
 
-    **Raises:** `BehaviourTextError` for a text with lines that cannot be read.
+    **Raises:** `BehaviourTextError` for a text with lines that cannot be parsed.
     """
-    mistakes = Mistakes()
-    rows = rows_of(text, name, mistakes)
+    diagnostics = Diagnostics()
+    rows = rows_of(text, name, diagnostics)
     for row in rows:
         if row.kind in ("header", "item"):
-            statement_of(row, mistakes)
-    if mistakes:
-        mistakes.stop()
+            statement_of(row, diagnostics)
+    if diagnostics:
+        diagnostics.stop()
     return laid_out(rows)
 
 
 def laid_out(rows: Sequence[Row]) -> str:
-    """The text of rows that can be read, in the one layout."""
+    """The text of rows that can be parsed, in the standard layout."""
     lines: list[Line] = []
     for _, group in groupby(rows, key=_section_number(rows)):
         lines += _section(list(group))
@@ -53,9 +53,9 @@ def _section_number(rows: Sequence[Row]):
 
 
 def _section(rows: Sequence[Row]) -> Iterable[Line]:
-    """The lines of one section: its header, if it is not what stands before the first, and what is below."""
+    """The lines of one section, with its header; those before the first header have none."""
     items = [row for row in rows if row.kind == "item"]
-    told = iter(_told(items))
+    aligned = iter(_aligned(items))
     for row in rows:
         comment_indent = "  " if row.indented else ""
         if row.kind == "blank":
@@ -65,11 +65,11 @@ def _section(rows: Sequence[Row]) -> Iterable[Line]:
         elif row.kind == "comment":
             yield "comment", comment_indent + row.remark
         elif row.kind == "header":
-            said = _joined(tokens_of(row)) if row.section in SPEAKING_HEADERS else ""
-            yield "header", _with_remark(f"{row.section} {said}".rstrip(), row)
+            content = _joined(tokens_of(row)) if row.section in HEADERS_WITH_CONTENT else ""
+            yield "header", _with_remark(f"{row.section} {content}".rstrip(), row)
         else:
             yield from (("comment", f"  {comment}") for comment in row.comments)
-            *above, last = next(told)
+            *above, last = next(aligned)
             yield from (("item", line) for line in above)
             yield "item", _with_remark(last, row)
 
@@ -96,8 +96,8 @@ def _with_remark(line: str, row: Row) -> str:
     return f"{line}  {row.remark}" if row.remark else line
 
 
-def _told(items: Sequence[Row]) -> list[list[str]]:
-    """Each item of a section as lines, in columns that begin alike."""
+def _aligned(items: Sequence[Row]) -> list[list[str]]:
+    """Each item of a section as lines, in aligned columns."""
     if not items:
         return []
     section = items[0].section
@@ -106,17 +106,17 @@ def _told(items: Sequence[Row]) -> list[list[str]]:
         return [[f"  {text if STRING.fullmatch(text) else ' '.join(text.split())}"] for text in texts]
     divided = [_DIVIDE[section](tokens_of(row)) for row in items]
     widths = [max(map(len, column)) for column in zip(*(cells for cells, _ in divided), strict=True)]
-    told = []
+    result = []
     for cells, chunks in divided:
         padded = [cell.ljust(width) for cell, width in zip(cells, widths, strict=True) if width]
         start = "".join(f"{cell}  " for cell in ["", *padded])
-        told.append(_wrapped(start, chunks, len(start) if len(start) <= _DEEPEST else _FARTHER))
-    if section == "phases" and any(len(lines) > 1 or len(lines[0]) > WIDTH for lines in told):
-        told = [
+        result.append(_wrapped(start, chunks, len(start) if len(start) <= _DEEPEST else _FARTHER))
+    if section == "phases" and any(len(lines) > 1 or len(lines[0]) > WIDTH for lines in result):
+        result = [
             [f"  {' '.join(filter(None, cells))}", *_wrapped(" " * _FARTHER, chunks, _FARTHER)]
             for cells, chunks in divided
         ]
-    return told
+    return result
 
 
 def _wrapped(start: str, chunks: Sequence[str], indent: int) -> list[str]:

@@ -1,6 +1,6 @@
 """A text as rows: blank lines, comments, section headers and the items below them.
 
-An item that goes on in deeper-indented lines is one row. A `#` outside of quotes begins a comment.
+An item that continues in deeper-indented lines is one row. A `#` outside of quotes begins a comment.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from coachable.behaviours.names import code_point
-from coachable.behaviours.text.diagnostics import Mistakes, Place, Source
+from coachable.behaviours.text.diagnostics import Diagnostics, Place, Source
 
 MAX_BYTES = 2**18
 MAX_LINES = 5000
 MAX_COLUMNS = 1000
-"""A behaviour that a person reads is a hundred times smaller than the most that is read."""
+"""Limits a hundred times above the size of a behaviour that a person can read."""
 
 _CODE = re.compile(r'(?:"(?:[^"\\]|\\.)*"|[^#])*')
 
 
 @dataclass(frozen=True)
 class Row:
-    """What stands in one line, or in several where an item goes on; `section` is its header's first word."""
+    """A line, or the lines of an item that continues; `section` is the first word of its header."""
 
     kind: Literal["blank", "comment", "header", "item"]
     source: Source
@@ -42,16 +42,16 @@ class Row:
         return Place(self.source, self.number + line - 1, column)
 
 
-def rows_of(text: str, name: str, mistakes: Mistakes, bounded: bool = True) -> tuple[Row, ...]:
-    """The rows of a text called `name`; what is wrong with its letters and its layout goes to `mistakes`.
+def rows_of(text: str, name: str, diagnostics: Diagnostics, bounded: bool = True) -> tuple[Row, ...]:
+    """The rows of a text called `name`; errors in its letters and its layout go to `diagnostics`.
 
     **Raises:** `BehaviourTextError` for a text that is too long, unless it is not `bounded`: one of our own.
     """
     text = text.removeprefix("\ufeff").replace("\r\n", "\n")
     source = Source(name, tuple(text.split("\n")))
     if bounded:
-        _refuse_what_is_too_long(source, text, mistakes)
-    _refuse_what_nobody_sees(source, mistakes)
+        _refuse_long_texts(source, text, diagnostics)
+    _refuse_invisible_characters(source, diagnostics)
     rows: list[Row] = []
     section, indent = "", 0
     for number, line in enumerate(source.lines, start=1):
@@ -71,9 +71,9 @@ def rows_of(text: str, name: str, mistakes: Mistakes, bounded: bool = True) -> t
             rows.append(Row("header", source, number, code, section, remark=remark))
         elif not section:
             rows.append(Row("blank", source, number))
-            mistakes.add(
+            diagnostics.add(
                 Place(source, number, depth + 1),
-                "nothing has begun yet that this line could be in",
+                "this line is in no section",
                 'begin with: behaviour "NAME"',
             )
         elif section == "behaviour" or not indent or depth == indent:
@@ -81,10 +81,10 @@ def rows_of(text: str, name: str, mistakes: Mistakes, bounded: bool = True) -> t
             rows.append(Row("item", source, number, code, section, indented=True, remark=remark))
         elif depth < indent:
             rows.append(Row("blank", source, number, section=section))
-            mistakes.add(
+            diagnostics.add(
                 Place(source, number, depth + 1),
                 f"this line is indented by {depth}, those above it by {indent}",
-                "indent the lines of a section alike; a line that goes on from the one above, more",
+                "indent the lines of a section alike, and a line that continues the one above farther",
             )
         else:
             _continue(rows, number, code, remark)
@@ -92,7 +92,7 @@ def rows_of(text: str, name: str, mistakes: Mistakes, bounded: bool = True) -> t
 
 
 def _continue(rows: list[Row], number: int, code: str, remark: str) -> None:
-    """Join a line to the last item; comments in between move into it, blank lines vanish."""
+    """Join a line to the last item; comments in between become part of it, blank lines are dropped."""
     between = []
     while rows[-1].kind != "item":
         between.append(rows.pop())
@@ -103,7 +103,7 @@ def _continue(rows: list[Row], number: int, code: str, remark: str) -> None:
     rows.append(replace(item, text=text, comments=tuple(filter(None, comments)), remark=remark))
 
 
-def _refuse_what_is_too_long(source: Source, text: str, mistakes: Mistakes) -> None:
+def _refuse_long_texts(source: Source, text: str, diagnostics: Diagnostics) -> None:
     longest = max(range(len(source.lines)), key=lambda index: len(source.lines[index]))
     size = len(text.encode("utf-8", "surrogatepass"))
     for amount, most, what, line in (
@@ -112,17 +112,17 @@ def _refuse_what_is_too_long(source: Source, text: str, mistakes: Mistakes) -> N
         (len(source.lines[longest]), MAX_COLUMNS, "the line has {} characters", longest + 1),
     ):
         if amount > most:
-            mistakes.add(Place(source, line, 1), f"{what.format(amount)}; no more than {most} are read")
-            mistakes.stop()
+            diagnostics.add(Place(source, line, 1), f"{what.format(amount)}; no more than {most} are read")
+            diagnostics.stop()
 
 
-def _refuse_what_nobody_sees(source: Source, mistakes: Mistakes) -> None:
+def _refuse_invisible_characters(source: Source, diagnostics: Diagnostics) -> None:
     for number, line in enumerate(source.lines, start=1):
         for column, letter in enumerate(line, start=1):
             if not letter.isprintable() and letter != "\t":
-                mistakes.add(
+                diagnostics.add(
                     Place(source, number, column),
-                    f"a character that nobody sees: {code_point(letter)}",
-                    "leave it out or write a plain space; in quotes it can be written as \\u and four digits",
+                    f"an invisible character: {code_point(letter)}",
+                    "remove it or write a plain space; in quotes it can be written as \\u and four digits",
                 )
                 break

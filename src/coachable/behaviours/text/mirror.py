@@ -1,4 +1,4 @@
-"""Left for right: the words of a mirror swapped in everything that a text names."""
+"""Mirror images: the words of a mirror swapped in the names of a text."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from coachable.behaviours.behaviour import Assignment, Edge
-from coachable.behaviours.expressions import Constant, Expression, Number, Variable, rewritten
-from coachable.behaviours.predicates import All, Any, Between, Comparison, Near, Not, Phrase, Predicate
+from coachable.behaviours.expressions import Constant, Expression, Variable
+from coachable.behaviours.predicates import Phrase, Predicate
+from coachable.behaviours.tree import Node, rewritten
 
 
 @dataclass(frozen=True)
 class Mirror:
-    """What swaps: `{"left": "right", "right": "left"}`, and the same with capitals. Twice is the identity."""
+    """An involution on words: `{"left": "right", "right": "left"}`, and the same with capitals."""
 
     words: Mapping[str, str]
 
@@ -44,16 +45,7 @@ class Mirror:
     def expression(self, expression: Expression, constants: Mapping[str, Constant]) -> Expression:
         """The expression of the other side; `constants` are those that have a value of their own."""
 
-        def change(leaf: Number | Variable | Constant) -> Expression:
-            match leaf:
-                case Variable(name):
-                    return Variable(self.text(name))
-                case Constant(name):
-                    return constants.get(self.text(name)) or self.constant(leaf)
-                case _:
-                    return leaf
-
-        return rewritten(expression, change)
+        return rewritten(expression, self._image_of(constants))
 
     def predicate(
         self,
@@ -62,22 +54,18 @@ class Mirror:
         phrase: Callable[[Phrase], Phrase],
     ) -> Predicate:
         """The predicate of the other side; `phrase` gives a phrase's mirror image."""
-        match predicate:
-            case Comparison(left, relation, right, deadband):
-                return Comparison(
-                    self.expression(left, constants), relation, self.expression(right, constants), deadband
-                )
-            case Between(low, low_relation, middle, high_relation, high, deadband):
-                ends = [self.expression(part, constants) for part in (low, middle, high)]
-                return Between(ends[0], low_relation, ends[1], high_relation, ends[2], deadband)
-            case Near(value, target, tolerance):
-                return Near(*(self.expression(part, constants) for part in (value, target, tolerance)))
-            case Phrase():
-                return phrase(predicate)
-            case Not(part):
-                return Not(self.predicate(part, constants, phrase))
-            case All(parts=parts) | Any(parts=parts):
-                return type(predicate)(*(self.predicate(part, constants, phrase) for part in parts))
+        image_of = self._image_of(constants)
+        return rewritten(predicate, lambda node: phrase(node) if isinstance(node, Phrase) else image_of(node))
+
+    def _image_of(self, constants: Mapping[str, Constant]) -> Callable[[Node], Expression | None]:
+        def image(node: Node) -> Expression | None:
+            match node:
+                case Variable(name):
+                    return Variable(self.text(name))
+                case Constant(name):
+                    return constants.get(self.text(name)) or self.constant(node)
+
+        return image
 
     def edge(self, edge: Edge, constants: Mapping[str, Constant]) -> Edge:
         """The edge of the other side."""

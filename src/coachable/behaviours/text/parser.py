@@ -11,7 +11,7 @@ from lark import Token
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.names import flaw_of_word
-from coachable.behaviours.text.diagnostics import Mistakes, Place
+from coachable.behaviours.text.diagnostics import Diagnostics, Place
 from coachable.behaviours.text.draft import Draft, drop_unused
 from coachable.behaviours.text.lines import Row, rows_of
 from coachable.behaviours.text.mirror import Mirror
@@ -28,50 +28,49 @@ _OF_A_FRAGMENT = ("signals", "constants", "vocabulary", "include")
 
 @dataclass(frozen=True)
 class Reading:
-    """A behaviour, and in which line of its text each of its things is said."""
+    """A behaviour, and the line of each declaration in its text."""
 
     behaviour: Behaviour
     lines: Mapping[tuple[str, str], int]
-    """By kind (`signal`, `constant`, `phrase`, `phase`, `edge`, `cycle`) and name. What an included file says
-    is said where it is included, and a mirror image where its original is."""
+    """By kind (`signal`, `constant`, `phrase`, `phase`, `edge`, `cycle`) and name. A declaration in an
+    included file has the line of the `include`, and a mirror image that of its original."""
 
 
 def parse(text: str, directory: Path | str | None = None) -> Behaviour:
     """The behaviour that a text describes.
 
-    **Arguments:** `directory`, where files that the text includes lie; without one it can include none.
+    **Arguments:** `directory`: the folder of the files that the text includes; without it the text can
+    include none.
 
-    **Raises:** `BehaviourTextError` with every mistake in the text: line, column, a caret, what was expected
+    **Raises:** `BehaviourTextError` with every error in the text: line, column, a caret, what was expected
     and, where a name is nearly right, the nearest one.
     """
     return read(text, "", directory).behaviour
 
 
 def read(text: str, name: str, directory: Path | str | None = None) -> Reading:
-    """`parse` for a text that is called `name` in messages, with the lines where things are said."""
-    mistakes = Mistakes()
-    rows = rows_of(text, name, mistakes)
-    statements = _statements(rows, mistakes)
+    """`parse` for a text that messages call `name`, with the lines of its declarations."""
+    diagnostics = Diagnostics()
+    rows = rows_of(text, name, diagnostics)
+    statements = _statements(rows, diagnostics)
     begin, end = rows[0].source, rows[-1]
-    head = _only_one("behaviour", statements, mistakes)
-    outside = _only_one("outside", statements, mistakes)
+    head = _only_one("behaviour", statements, diagnostics)
+    outside = _only_one("outside", statements, diagnostics)
     if head is None:
-        mistakes.add(Place(begin, 1, 1), "this text has no name", 'begin it with: behaviour "NAME"')
+        diagnostics.add(Place(begin, 1, 1), "this text has no name", 'begin it with: behaviour "NAME"')
     if not any(row.section == "phases" for row in rows):
-        mistakes.add(
-            Place(begin, end.number, 1), "there are no phases", "add a section that is called phases"
-        )
-    included = _with_includes(statements, directory, mistakes)
-    draft = resolved([statement for statement, _ in included], _mirror(statements, mistakes), mistakes)
-    description = _description(rows, mistakes)
-    called = "" if head is None else _quoted(head, mistakes)
-    people_say = None if outside is None else _quoted(outside, mistakes)
-    if mistakes:
-        mistakes.stop()
+        diagnostics.add(Place(begin, end.number, 1), "there are no phases", "add a section called phases")
+    included = _with_includes(statements, directory, diagnostics)
+    draft = resolved([statement for statement, _ in included], _mirror(statements, diagnostics), diagnostics)
+    description = _description(rows, diagnostics)
+    title = "" if head is None else _quoted(head, diagnostics)
+    outside_name = None if outside is None else _quoted(outside, diagnostics)
+    if diagnostics:
+        diagnostics.stop()
     drop_unused(draft, statements)
     try:
         behaviour = Behaviour(
-            name=called,
+            name=title,
             description=description,
             signals=tuple(signal for signal, _ in draft.signals.values()),
             phases=tuple(phase for phase, _ in draft.phases.values()),
@@ -79,42 +78,42 @@ def read(text: str, name: str, directory: Path | str | None = None) -> Reading:
             cycles=tuple(chain for chain, _ in draft.cycles),
             constants=tuple(constant for constant, _ in draft.constants.values()),
             vocabulary=tuple(phrase for phrase, _ in draft.phrases.values()),
-            outside=people_say,
+            outside=outside_name,
         )
     except BehaviourError as error:
-        mistakes.add(Place(begin, 1, 1), str(error))
-        mistakes.stop()
+        diagnostics.add(Place(begin, 1, 1), str(error))
+        diagnostics.stop()
     lines = {id(statement): line for statement, line in included}
     return Reading(behaviour, MappingProxyType(_lines(draft, lambda statement: lines[id(statement)])))
 
 
 def check_fragment(text: str, name: str, directory: Path | str | None = None) -> None:
-    """Read a text without phases, which is there to be included.
+    """Check a text without phases, for inclusion in others.
 
     **Raises:** `BehaviourTextError` as `parse` does.
     """
-    mistakes = Mistakes()
-    statements = _statements(rows_of(text, name, mistakes), mistakes)
-    _refuse_more_than_a_fragment(statements, mistakes)
-    included = _with_includes(statements, directory, mistakes)
-    resolved([statement for statement, _ in included], None, mistakes)
-    if mistakes:
-        mistakes.stop()
+    diagnostics = Diagnostics()
+    statements = _statements(rows_of(text, name, diagnostics), diagnostics)
+    _refuse_more_than_a_fragment(statements, diagnostics)
+    included = _with_includes(statements, directory, diagnostics)
+    resolved([statement for statement, _ in included], None, diagnostics)
+    if diagnostics:
+        diagnostics.stop()
 
 
 def is_fragment(text: str) -> bool:
-    """Whether a text has neither a name nor phases, so that it can only be there to be included."""
-    rows = rows_of(text, "", Mistakes())
+    """Whether a text has neither a name nor phases, so that it can only be included in others."""
+    rows = rows_of(text, "", Diagnostics())
     return bool(rows) and not any(row.section in ("behaviour", "phases", "cycle", "edges") for row in rows)
 
 
-def _statements(rows: Sequence[Row], mistakes: Mistakes) -> list[Statement]:
-    found = (statement_of(row, mistakes) for row in rows if row.kind in ("header", "item"))
+def _statements(rows: Sequence[Row], diagnostics: Diagnostics) -> list[Statement]:
+    found = (statement_of(row, diagnostics) for row in rows if row.kind in ("header", "item"))
     return [statement for statement in found if statement is not None]
 
 
 def _with_includes(
-    statements: Sequence[Statement], directory: Path | str | None, mistakes: Mistakes
+    statements: Sequence[Statement], directory: Path | str | None, diagnostics: Diagnostics
 ) -> list[tuple[Statement, int]]:
     """The statements, those of included files in the place of `include`, and the line of each in the text."""
     seen: set[str] = set()
@@ -126,12 +125,12 @@ def _with_includes(
         return result
 
     def included(statement: Statement, path: tuple[str, ...]) -> list[Statement]:
-        name = _quoted(statement, mistakes)
+        name = _quoted(statement, diagnostics)
         if statement.tree is None:
             return []
         try:
             if directory is None:
-                raise BehaviourError("this text is in no folder, so there is nothing beside it to include")
+                raise BehaviourError("this text is in no folder, so it can include no files")
             file = beside(Path(directory), name)
             if name in path:
                 raise BehaviourError(f"{name!r} includes itself: {' → '.join([*path, name])}")
@@ -142,10 +141,10 @@ def _with_includes(
             seen.add(name)
             text = read_text(file)
         except BehaviourError as error:
-            mistakes.add(statement.place(), str(error))
+            diagnostics.add(statement.place(), str(error))
             return []
-        inner = _statements(rows_of(text, str(file), mistakes), mistakes)
-        _refuse_more_than_a_fragment(inner, mistakes)
+        inner = _statements(rows_of(text, str(file), diagnostics), diagnostics)
+        _refuse_more_than_a_fragment(inner, diagnostics)
         return expanded(inner, (*path, name))
 
     lines = []
@@ -155,17 +154,17 @@ def _with_includes(
     return lines
 
 
-def _refuse_more_than_a_fragment(statements: Sequence[Statement], mistakes: Mistakes) -> None:
+def _refuse_more_than_a_fragment(statements: Sequence[Statement], diagnostics: Diagnostics) -> None:
     for statement in statements:
         if statement.section not in _OF_A_FRAGMENT:
-            mistakes.add(
+            diagnostics.add(
                 statement.place(),
-                f"{statement.section} has no place in a file that is included",
+                f"{statement.section} is not allowed in an included file",
                 f"such a file has {', '.join(_OF_A_FRAGMENT)} only",
             )
 
 
-def _mirror(statements: Sequence[Statement], mistakes: Mistakes) -> Mirror | None:
+def _mirror(statements: Sequence[Statement], diagnostics: Diagnostics) -> Mirror | None:
     pairs: dict[str, str] = {}
     for statement in statements:
         if statement.section == "mirror" and statement.tree is not None:
@@ -176,22 +175,22 @@ def _mirror(statements: Sequence[Statement], mistakes: Mistakes) -> Mirror | Non
                         message = (
                             flaw_of_word(str(word)) or f"{word}: a mirror swaps words without an underscore"
                         )
-                        mistakes.add(statement.place(word), message)
+                        diagnostics.add(statement.place(word), message)
                     if word in (*pairs, *pairs.values()) or left == right:
-                        mistakes.add(statement.place(word), f"{word} is swapped twice")
+                        diagnostics.add(statement.place(word), f"{word} is swapped twice")
                 pairs[str(left)] = str(right)
     return Mirror.of(pairs.items()) if pairs else None
 
 
-def _only_one(section: str, statements: Sequence[Statement], mistakes: Mistakes) -> Statement | None:
+def _only_one(section: str, statements: Sequence[Statement], diagnostics: Diagnostics) -> Statement | None:
     first, *more = [s for s in statements if s.section == section] or [None]
     for statement in more:
         if statement is not None and first is not None:
-            mistakes.add(statement.place(), f"{section} is given twice; first in line {first.row.number}")
+            diagnostics.add(statement.place(), f"{section} is given twice; first in line {first.row.number}")
     return first
 
 
-def _quoted(statement: Statement, mistakes: Mistakes) -> str:
+def _quoted(statement: Statement, diagnostics: Diagnostics) -> str:
     if statement.tree is None:
         return ""
     token = parts_of(statement.tree)[0]
@@ -199,21 +198,21 @@ def _quoted(statement: Statement, mistakes: Mistakes) -> str:
     try:
         return string_of(token)
     except BehaviourError as error:
-        mistakes.add(statement.place(token), str(error))
+        diagnostics.add(statement.place(token), str(error))
         return ""
 
 
-def _description(rows: Sequence[Row], mistakes: Mistakes) -> str:
-    said = [row for row in rows if row.section == "behaviour" and row.kind in ("item", "blank")]
-    lines = [" ".join(row.text.split()) for row in said]
+def _description(rows: Sequence[Row], diagnostics: Diagnostics) -> str:
+    below = [row for row in rows if row.section == "behaviour" and row.kind in ("item", "blank")]
+    lines = [" ".join(row.text.split()) for row in below]
     text = "\n".join(lines).strip("\n")
     if not STRING.fullmatch(text):
         return text
-    row = next(row for row in said if row.kind == "item")
+    row = next(row for row in below if row.kind == "item")
     try:
         return string_of(Token("STRING", row.text.strip()))
     except BehaviourError as error:
-        mistakes.add(row.place(), str(error))
+        diagnostics.add(row.place(), str(error))
         return ""
 
 

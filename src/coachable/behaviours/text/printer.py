@@ -1,4 +1,4 @@
-"""From a behaviour to its text, which `parse` reads as an equal behaviour."""
+"""From a behaviour to its text, which `parse` turns into an equal behaviour."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from coachable.behaviours.behaviour import Behaviour, Dwell, Edge, Phase
 from coachable.behaviours.expressions import Constant
 from coachable.behaviours.names import WORD, flaw_of_letters
 from coachable.behaviours.predicates import All, Any, Predicate, Signal
-from coachable.behaviours.text.diagnostics import Mistakes
+from coachable.behaviours.text.diagnostics import Diagnostics
 from coachable.behaviours.text.formatter import laid_out
 from coachable.behaviours.text.lines import rows_of
 from coachable.behaviours.text.syntax import quoted
@@ -18,7 +18,7 @@ from coachable.behaviours.text.syntax import quoted
 
 def to_text(behaviour: Behaviour) -> str:
     """The behaviour as text, laid out as `coachable format` does; `parse` of it is an equal behaviour."""
-    rows = rows_of("\n".join(_lines(behaviour)) + "\n", "", Mistakes(), bounded=False)
+    rows = rows_of("\n".join(_lines(behaviour)) + "\n", "", Diagnostics(), bounded=False)
     return laid_out(rows)
 
 
@@ -40,7 +40,7 @@ def _lines(behaviour: Behaviour) -> Iterator[str]:
 
 
 def _edges_before_cycles(behaviour: Behaviour) -> tuple[Edge, ...]:
-    """How many edges must be told before the cycles, so that all are told in their order: mostly none."""
+    """The edges to print before the cycles, so that all are printed in their order: mostly none."""
     walked = [edge for cycle in behaviour.cycles for edge in cycle]
     for count in range(len(behaviour.edges)):
         first = behaviour.edges[:count]
@@ -119,6 +119,6 @@ def _text(text: str) -> str:
 
 
 def _is_plain(line: str, first: str = r"[\w(]") -> bool:
-    """Whether a line of description needs no quotes to be read as it is; `first` is how it may begin."""
+    """Whether a line of description needs no quotes; `first` is a pattern of its first character."""
     plain = re.fullmatch(f"{first}.*", line) and line.isprintable() and "#" not in line
     return bool(plain) and line == " ".join(line.split())

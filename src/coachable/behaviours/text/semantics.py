@@ -1,4 +1,4 @@
-"""What the words of a line mean: syntax trees as predicates and expressions over declared names."""
+"""Parse trees as predicates and expressions over declared names."""
 
 from __future__ import annotations
 
@@ -28,29 +28,30 @@ from coachable.behaviours.predicates import (
     Predicate,
     Signal,
 )
-from coachable.behaviours.text.diagnostics import Mistakes, Place
+from coachable.behaviours.text.diagnostics import Diagnostics, Place
 from coachable.behaviours.text.mirror import Mirror
 from coachable.behaviours.text.syntax import Statement
+from coachable.behaviours.tree import children, fold
 from coachable.foundation.errors import BehaviourError
 from coachable.foundation.suggestion import suggestion
 
 MAX_DEPTH = 60
 MAX_SIZE = 5000
-"""How deep a predicate may be and of how many parts, phrases spelt out; a sum is as deep as it is long."""
+"""The greatest depth and number of parts of a predicate, phrases expanded; a sum is as deep as it is long."""
 
 Measure = tuple[int, int]
 """Size and depth."""
 
 
-class Meaning:
-    """The names that a text declares, and what its lines mean in them.
+class Scope:
+    """The names that a text declares, and the predicates and expressions that its lines denote.
 
-    Whoever asks for the meaning of something wrong gets None, and the mistake is noted once.
+    The methods return `None` for a line with an error, which is recorded once.
     """
 
     def __init__(
         self,
-        mistakes: Mistakes,
+        diagnostics: Diagnostics,
         signals: Mapping[str, Signal],
         constants: Mapping[str, Constant],
         phrases: Mapping[str, Statement],
@@ -58,14 +59,14 @@ class Meaning:
         broken: frozenset[str],
     ):
         self._mirror = mirror
-        self._mistakes = mistakes
+        self._diagnostics = diagnostics
         self._signals = signals
         self._constants = constants
         self._statements = phrases
         self._broken = broken
         self._phrases: dict[str, Phrase | None] = {}
         self._measures: dict[str, Measure] = {}
-        self._asked: list[str] = []
+        self._open: list[str] = []
 
     def phrase(self, words: str) -> Phrase | None:
         """The phrase of these words, from the vocabulary or as the mirror image of one that is there."""
@@ -74,18 +75,18 @@ class Meaning:
         if words not in self._statements:
             return self._image(words)
         statement = self._statements[words]
-        if words in self._asked or len(self._asked) >= MAX_DEPTH:
-            circle = [*self._asked[self._asked.index(words) :], words] if words in self._asked else []
-            message = f"phrase {words!r} is explained by itself: {' → '.join(circle[:6])}"
+        if words in self._open or len(self._open) >= MAX_DEPTH:
+            circle = [*self._open[self._open.index(words) :], words] if words in self._open else []
+            message = f"phrase {words!r} is defined by itself: {' → '.join(circle[:6])}"
             if not circle:
-                message = f"phrases are explained by one another more than {MAX_DEPTH} deep"
-            self._mistakes.add(statement.place(), message)
+                message = f"phrases are defined by one another more than {MAX_DEPTH} deep"
+            self._diagnostics.add(statement.place(), message)
             self._phrases[words] = None
             return None
-        self._asked.append(words)
+        self._open.append(words)
         assert statement.tree is not None
         predicate = self.predicate(statement, statement.tree.children[1])
-        self._asked.pop()
+        self._open.pop()
         if words not in self._phrases:
             self._phrases[words] = None if predicate is None else Phrase(words, predicate)
             if predicate is not None:
@@ -109,7 +110,7 @@ class Meaning:
         return self.phrase(self._mirror.text(phrase.words)) or phrase
 
     def _image(self, words: str) -> Phrase | None:
-        """The phrase that only the mirror knows."""
+        """The phrase that only exists as a mirror image."""
         assert self._mirror is not None
         original = self.phrase(self._mirror.text(words))
         self._phrases[words] = None if original is None else Phrase(words, self.mirrored(original.predicate))
@@ -118,21 +119,21 @@ class Meaning:
         return self._phrases[words]
 
     def predicate(self, statement: Statement, tree: Tree | Token) -> Predicate | None:
-        """What holds where a line says so."""
+        """The predicate that a parse tree denotes."""
         predicate = self._predicate(statement, tree)
         if predicate is not None:
             size, depth = self.measure(predicate)
             if size > MAX_SIZE or depth > MAX_DEPTH:
-                self._mistakes.add(
+                self._diagnostics.add(
                     statement.place(),
-                    f"this is {size} parts, {depth} deep, once phrases are spelt out; "
+                    f"this has {size} parts, {depth} deep, once phrases are expanded; "
                     f"no more than {MAX_SIZE} and {MAX_DEPTH} are read",
                 )
                 return None
         return predicate
 
     def expression(self, statement: Statement, tree: Tree | Token) -> Expression | None:
-        """What a line calculates."""
+        """The expression that a parse tree denotes."""
         match tree:
             case Tree(data="number"):
                 return self._number(statement, tree)
@@ -149,31 +150,21 @@ class Meaning:
                 return self._call(statement, name, [self.expression(statement, a) for a in arguments])
             case Tree(data="sum" | "product", children=children):
                 return self._chain(statement, children)
-        self._mistakes.add(
-            place_of(statement, tree), "one cannot calculate with something that holds or does not"
-        )
+        self._diagnostics.add(place_of(statement, tree), "a condition has no value to calculate with")
         return None
 
     def measure(self, predicate: Predicate) -> Measure:
-        """The size and depth of a predicate, phrases spelt out."""
-        match predicate:
-            case Phrase(words) if words in self._measures:
-                return _around([self._measures[words]])
-            case Phrase(predicate=inner) | Not(inner):
-                return _around([self.measure(inner)])
-            case All(parts=parts) | Any(parts=parts):
-                return _around(map(self.measure, parts))
-            case Comparison(left=left, right=right):
-                return _around(map(_measure_of, (left, right)))
-            case Between(low=low, middle=middle, high=high):
-                return _around(map(_measure_of, (low, middle, high)))
-            case Near(value, target, tolerance):
-                return _around(map(_measure_of, (value, target, tolerance)))
+        """The size and depth of a predicate, phrases expanded."""
+        if isinstance(predicate, Phrase) and predicate.words in self._measures:
+            return _around([self._measures[predicate.words]])
+        if isinstance(predicate, Phrase | Not | All | Any):
+            return _around(map(self.measure, children(predicate)))
+        return fold(predicate, lambda _, inner: _around(inner))
 
     def _predicate(self, statement: Statement, tree: Tree | Token) -> Predicate | None:
         match tree:
             case Tree(data="words"):
-                return self._said(statement, tree)
+                return self._phrase_or_truth(statement, tree)
             case Tree(data="group", children=[inner]):
                 return self._predicate(statement, inner)
             case Tree(data="negation", children=[inner]):
@@ -186,7 +177,7 @@ class Meaning:
                 return (All if kind == "all" else Any)(*(part for part in parts if part is not None))
             case Tree(data="comparison" | "between" | "near", children=children):
                 return self._compared(statement, tree, list(children))
-        self._mistakes.add(
+        self._diagnostics.add(
             place_of(statement, tree), "this is a number; compare it with something", "for example: x > 0"
         )
         return None
@@ -206,11 +197,11 @@ class Meaning:
             return Comparison(known[0], relations[0], known[1], deadband)
         if not all(relation in ("<", "<=") for relation in relations):
             place = statement.place(next(c for c in children if isinstance(c, Token) and c[0] == ">"))
-            self._mistakes.add(place, "a range goes from low to high", "for example: 0.1 < x <= 0.3")
+            self._diagnostics.add(place, "a range goes from low to high", "for example: 0.1 < x <= 0.3")
             return None
         return Between(known[0], relations[0], known[1], relations[1], known[2], deadband)
 
-    def _said(self, statement: Statement, tree: Tree) -> Predicate | None:
+    def _phrase_or_truth(self, statement: Statement, tree: Tree) -> Predicate | None:
         words = words_of(tree)
         if words in ("true", "false"):
             return All() if words == "true" else Any()
@@ -223,7 +214,7 @@ class Meaning:
         else:
             message = f"{spelt_out(words[:80])} is not in the vocabulary"
             hint = suggestion(words, [*self._statements, *self._broken])
-        self._mistakes.add(place_of(statement, tree), message, hint)
+        self._diagnostics.add(place_of(statement, tree), message, hint)
         return None
 
     def _variable(self, statement: Statement, tree: Tree) -> Variable | Constant | None:
@@ -238,19 +229,19 @@ class Meaning:
             return None
         hint = suggestion(words, [*self._signals, *self._constants, *self._broken])
         if self.is_phrase(words):
-            message, hint = "a phrase holds or does not; one cannot calculate or compare with it", ""
+            message, hint = "a phrase is a condition; it has no value to calculate or compare with", ""
         elif "-" in words and set(words.split("-")) <= {*self._signals, *self._constants}:
             message, hint = f"no signal is called {words!r}", f"write {' - '.join(words.split('-'))}"
         else:
             message = f"{spelt_out(words[:80])} is neither a signal nor a constant"
-        self._mistakes.add(place_of(statement, tree), message, hint)
+        self._diagnostics.add(place_of(statement, tree), message, hint)
         return None
 
     def _number(self, statement: Statement, tree: Tree) -> Number | None:
         try:
             return number_of(tree.children)
         except BehaviourError as error:
-            self._mistakes.add(place_of(statement, tree), str(error))
+            self._diagnostics.add(place_of(statement, tree), str(error))
             return None
 
     def _call(self, statement: Statement, name: Token, operands: list[Expression | None]) -> Call | None:
@@ -260,13 +251,13 @@ class Meaning:
                 return None
             return Call(str(name), *known)
         except BehaviourError as error:
-            self._mistakes.add(statement.place(name), str(error))
+            self._diagnostics.add(statement.place(name), str(error))
             return None
 
     def _chain(self, statement: Statement, children: list) -> Expression | None:
         if len(children) > 2 * MAX_DEPTH:
             place = place_of(statement, children[2 * MAX_DEPTH])
-            self._mistakes.add(place, f"no more than {MAX_DEPTH} terms are read in a row")
+            self._diagnostics.add(place, f"no more than {MAX_DEPTH} terms are read in a row")
             return None
         result, *others = (self.expression(statement, child) for child in children[::2])
         for sign, operand in zip(children[1::2], others, strict=True):
@@ -277,13 +268,13 @@ class Meaning:
 
 
 def number_of(tokens: Iterable) -> Number:
-    """The number in a row of tokens: perhaps a minus, the digits, perhaps a unit.
+    """The number in a sequence of tokens: an optional minus, the digits, an optional unit.
 
     **Raises:** `BehaviourError` if it is too large to be one.
     """
-    said = {token.type: str(token) for token in tokens if isinstance(token, Token)}
-    unit = " ".join(said.get("UNIT", "[]")[1:-1].split())
-    return Number(float(said["NUMBER"]) * (-1.0 if "MINUS" in said else 1.0), unit)
+    by_type = {token.type: str(token) for token in tokens if isinstance(token, Token)}
+    unit = " ".join(by_type.get("UNIT", "[]")[1:-1].split())
+    return Number(float(by_type["NUMBER"]) * (-1.0 if "MINUS" in by_type else 1.0), unit)
 
 
 def words_of(tree: Tree) -> str:
@@ -292,7 +283,7 @@ def words_of(tree: Tree) -> str:
 
 
 def place_of(statement: Statement, tree: Tree | Token) -> Place:
-    """Where a part of a statement begins."""
+    """The place where a part of a statement begins."""
     if isinstance(tree, Token):
         return statement.place(tree)
     return statement.place(next(tree.scan_values(lambda value: isinstance(value, Token)), None))
@@ -301,19 +292,3 @@ def place_of(statement: Statement, tree: Tree | Token) -> Place:
 def _around(inner: Iterable[Measure]) -> Measure:
     sizes, depths = zip((0, 0), *inner, strict=True)
     return sum(sizes) + 1, max(depths) + 1
-
-
-def _measure_of(expression: Expression) -> Measure:
-    # Without recursion: this is what keeps everything else from going too deep.
-    size, depth, rest = 0, 0, [(expression, 1)]
-    while rest:
-        node, level = rest.pop()
-        size, depth = size + 1, max(depth, level)
-        match node:
-            case Negative(operand):
-                rest.append((operand, level + 1))
-            case Arithmetic(left, _, right):
-                rest += [(left, level + 1), (right, level + 1)]
-            case Call(arguments=arguments):
-                rest += [(argument, level + 1) for argument in arguments]
-    return size, depth

@@ -1,15 +1,13 @@
-"""Reading behaviour files: never more than fits, and only what lies beside the file that asks, or ships."""
+"""Reading behaviour files: of limited size, and only from the folder of the including file or the library."""
 
 from __future__ import annotations
 
 import stat
 from pathlib import Path
 
+from coachable.behaviours.library import LIBRARY
 from coachable.behaviours.text.lines import MAX_BYTES
 from coachable.foundation.errors import BehaviourError
-
-LIBRARY = Path(__file__).parents[1] / "library"
-"""Where the behaviours and vocabularies that ship lie."""
 
 
 def read_text(path: Path) -> str:
@@ -38,7 +36,7 @@ def read_text(path: Path) -> str:
 
 
 def beside(directory: Path, name: str) -> Path:
-    """The file of this name in a folder, for a text that includes it; if there is none, the one that ships.
+    """The file of this name in a folder, for a text that includes it; without one, the shipped file.
 
     **Raises:** `BehaviourError` for a name with a folder in it, and for a link that leads out of the folder.
     """

@@ -1,4 +1,4 @@
-"""Rows of text as statements: each line read by its rule of the grammar, or told what was expected."""
+"""Rows of text as statements: each line is parsed by its rule of the grammar."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 
 from lark import Lark, Token, Tree, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
-from coachable.behaviours.text.diagnostics import Mistakes, Place
+from coachable.behaviours.text.diagnostics import Diagnostics, Place
 from coachable.behaviours.text.lines import Row
 from coachable.foundation.errors import BehaviourError
 from coachable.foundation.suggestion import suggestion
@@ -35,62 +35,62 @@ RULES: Mapping[str, str] = MappingProxyType(
         "edges": "chain",
     }
 )
-"""The rule that a line follows, by the section that it stands in."""
+"""The rule of a line, by its section."""
 
 STRING = re.compile(r'"(?:[^"\\\n]|\\.)*"')
 """A text in quotes, as in the grammar."""
 
-SPEAKING_HEADERS = ("behaviour", "include", "outside", "mirror")
-"""Sections whose header says something by itself; lines below it have only `behaviour`."""
+HEADERS_WITH_CONTENT = ("behaviour", "include", "outside", "mirror")
+"""Sections whose header has content of its own; of these only `behaviour` has lines below it."""
 
 
 @dataclass(frozen=True)
 class Statement:
-    """A line that says something: the row, and its syntax tree; None if it could not be read."""
+    """A line with content: the row, and its syntax tree; `None` if it could not be parsed."""
 
     row: Row
     tree: Tree | None
 
     @property
     def section(self) -> str:
-        """The section it stands in, such as `phases`."""
+        """Its section, such as `phases`."""
         return self.row.section
 
     def place(self, token: Token | None = None) -> Place:
-        """Where a token of the statement stands, or the statement."""
+        """The place of a token of the statement, or of the statement."""
         if token is None or token.line is None or token.column is None:
             return self.row.place()
         return self.row.place(token.line, token.column)
 
 
-def statement_of(row: Row, mistakes: Mistakes) -> Statement | None:
-    """What a header or an item says, by its rule.
+def statement_of(row: Row, diagnostics: Diagnostics) -> Statement | None:
+    """A header or an item parsed by its rule.
 
-    None for the header of a section, whose items say it, and for the lines that describe the behaviour.
+    `None` for the header of a section with items, and for the lines that describe the behaviour.
     """
     known = row.section in RULES
     if row.kind == "header":
         if not known:
-            mistakes.add(
+            diagnostics.add(
                 row.place(), f"no section is called {row.section[:40]!r}", suggestion(row.section, RULES)
             )
             return None
-        if row.section in SPEAKING_HEADERS:
-            return Statement(row, _tree(row, RULES[row.section], mistakes, skipped=len(row.section)))
+        if row.section in HEADERS_WITH_CONTENT:
+            return Statement(row, _tree(row, RULES[row.section], diagnostics, skipped=len(row.section)))
         if rest := row.text[len(row.section) :].strip():
             column = row.text.index(rest, len(row.section)) + 1
-            mistakes.add(
+            diagnostics.add(
                 row.place(1, column),
-                f"{row.section} stands alone in its line",
-                "what belongs to it comes in the lines below, indented",
+                f"{row.section} must be alone in its line",
+                "its items follow in the lines below, indented",
             )
         return None
     if not known or row.section == "behaviour":
         return None
-    if row.section in SPEAKING_HEADERS:
-        mistakes.add(row.place(), f"nothing stands below {row.section}", "begin a section, not indented")
+    if row.section in HEADERS_WITH_CONTENT:
+        diagnostics.add(row.place(), f"{row.section} has no lines below it", "begin a section, not indented")
         return None
-    return Statement(row, _tree(row, RULES[row.section], mistakes))
+    return Statement(row, _tree(row, RULES[row.section], diagnostics))
 
 
 def tokens_of(row: Row) -> tuple[Token, ...]:
@@ -101,9 +101,9 @@ def tokens_of(row: Row) -> tuple[Token, ...]:
 
 
 def string_of(token: Token) -> str:
-    """What a word or a text in quotes says. Escapes in quotes are those of JSON.
+    """The text of a word or of a string in quotes. Escapes in quotes are those of JSON.
 
-    **Raises:** `BehaviourError` for an escape that means nothing.
+    **Raises:** `BehaviourError` for an unknown escape.
     """
     if token.type != "STRING":
         return " ".join(token.split())
@@ -111,18 +111,18 @@ def string_of(token: Token) -> str:
         return json.loads(str(token))
     except ValueError:
         raise BehaviourError(
-            f'{token} has a backslash that means nothing; write \\\\ for one, or \\" for a quote'
+            f'{token} has an unknown escape; write \\\\ for one, or \\" for a quote'
         ) from None
 
 
 def quoted(text: str) -> str:
-    """The text in quotes; what would not be seen is escaped."""
+    """The text in quotes; unprintable characters are escaped."""
     pieces = json.dumps(text, ensure_ascii=False)
     return "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in pieces)
 
 
 def parts_of(tree: object) -> list[Any]:
-    """The children of a syntax tree: trees and tokens, as its rule of the grammar says."""
+    """The children of a syntax tree: trees and tokens, by its rule of the grammar."""
     assert isinstance(tree, Tree)
     return tree.children
 
@@ -133,26 +133,26 @@ def _parser() -> Lark:
     return Lark(grammar, parser="lalr", start=sorted(set(RULES.values())), maybe_placeholders=False)
 
 
-def _tree(row: Row, rule: str, mistakes: Mistakes, skipped: int = 0) -> Tree | None:
+def _tree(row: Row, rule: str, diagnostics: Diagnostics, skipped: int = 0) -> Tree | None:
     text = " " * skipped + row.text[skipped:]
     depth = deepest = 0
     for letter in text:
         depth += {"(": 1, ")": -1}.get(letter, 0)
         deepest = max(deepest, depth)
     if deepest > MAX_NESTING:
-        mistakes.add(
+        diagnostics.add(
             row.place(), f"parentheses are nested {deepest} deep; no more than {MAX_NESTING} are read"
         )
         return None
     try:
         return _parser().parse(text, start=rule)
     except UnexpectedInput as error:
-        mistakes.add(*_explained(row, rule, text, error))
+        diagnostics.add(*_explained(row, rule, text, error))
         return None
 
 
 def _explained(row: Row, rule: str, text: str, error: UnexpectedInput) -> tuple[Place, str, str]:
-    """Where and what is unexpected, what was expected instead, and what to do."""
+    """The place of an error, its message with what was expected, and a hint."""
     if isinstance(error, UnexpectedToken) and error.token.type != "$END":
         found, expected = str(error.token), error.accepts or error.expected
         offset = error.token.start_pos or 0
@@ -233,7 +233,7 @@ def _hint(rule: str, text: str, offset: int, found: str, expected: Collection[st
     if re.search(r"[0-9]$", before) and re.match(r"[^\W\d]", found) and "UNIT" in expected:
         return f"a unit is written in brackets: [{found.split()[0][:20]}]"
     if found in ("and", "or") and {"and": "OR", "or": "AND"}[found] in expected:
-        return "parentheses tell what belongs together: (a and b) or c"
+        return "group with parentheses: (a and b) or c"
     if rule == "phrase" and "MEANS" in expected:
         return "a phrase is explained like this: leg leans back means theta_1 > 0"
     if rule == "phase" and "COLON" in expected:
@@ -242,7 +242,7 @@ def _hint(rule: str, text: str, offset: int, found: str, expected: Collection[st
 
 
 def rough_name(row: Row) -> str:
-    """What a line that could not be read was most likely about, so that its mistake is told only once."""
+    """The name that an unparsable line most likely declares, so that its error is reported only once."""
     head = row.text.partition(" means ")[0] if row.section == "vocabulary" else row.text
     words = re.findall(r"[^\W\d]\w*(?:['’-]\w+)*", head)
     return " ".join(words if row.section == "vocabulary" else words[:1])

@@ -15,9 +15,9 @@ from coachable.behaviours.expressions import (
     Number,
     Variable,
     evaluate,
-    subexpressions,
 )
 from coachable.behaviours.predicates import Comparison
+from coachable.behaviours.tree import fold, walk
 
 Affine = tuple[dict[str, Fraction], Fraction]
 """Signal → its multiple, and the number that is added."""
@@ -60,38 +60,38 @@ def is_affine(expression: Expression, with_corners: bool = False) -> bool:
 
 
 def _is_number(expression: Expression) -> bool:
-    return not any(isinstance(node, Variable | Call) for node in subexpressions(expression))
+    return not any(walk(expression, Variable, Call))
 
 
 def affine(expression: Expression) -> Affine:
     """The multiples of signals and the number whose sum an affine expression is."""
-    match expression:
-        case Number(value) | Constant(number=Number(value)):
+    return fold(expression, _affine)
+
+
+def _affine(node: Expression, operands: Sequence[Affine]) -> Affine:
+    match node, operands:
+        case Number(value) | Constant(number=Number(value)), _:
             return {}, decimal(value)
-        case Variable(signal):
+        case Variable(signal), _:
             return {signal: Fraction(1)}, Fraction(0)
-        case Negative(operand):
-            return _scaled(affine(operand), Fraction(-1))
-        case Arithmetic(left, "*", right):
-            one, other = affine(left), affine(right)
+        case Negative(), (operand,):
+            return _scaled(operand, Fraction(-1))
+        case Arithmetic(operator="*"), (one, other):
             return _scaled(one, other[1]) if not other[0] else _scaled(other, one[1])
-        case Arithmetic(left, "/", right):
-            divisor = affine(right)[1]
-            return _scaled(affine(left), 1 / divisor if divisor else Fraction(0))
-        case Arithmetic(left, symbol, right):
-            one, other = affine(left), _scaled(affine(right), Fraction(1 if symbol == "+" else -1))
+        case Arithmetic(operator="/"), (one, (_, divisor)):
+            return _scaled(one, 1 / divisor if divisor else Fraction(0))
+        case Arithmetic(operator=symbol), (one, other):
+            other = _scaled(other, Fraction(1 if symbol == "+" else -1))
             names = {*one[0], *other[0]}
             multiples = {
                 name: one[0].get(name, Fraction(0)) + other[0].get(name, Fraction(0)) for name in names
             }
             return multiples, one[1] + other[1]
-        case other:
-            raise TypeError(f"{other} is not affine")
+        case _:
+            raise TypeError(f"{node} is not affine")
 
 
-def _scaled(
-    terms: tuple[dict[str, Fraction], Fraction], by: Fraction
-) -> tuple[dict[str, Fraction], Fraction]:
+def _scaled(terms: Affine, by: Fraction) -> Affine:
     return {signal: by * multiple for signal, multiple in terms[0].items()}, by * terms[1]
 
 

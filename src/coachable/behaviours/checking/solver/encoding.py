@@ -1,16 +1,18 @@
 """Expressions and predicates as the terms and formulas of the solver Z3.
 
-The solver counts in exact numbers and knows no sine. For the sine and cosine of something stand two unknowns
-on the unit circle, held by facts that are true of every sine, so what follows for them follows for sines.
+The solver has exact numbers and no sine. The sine and cosine of an angle become two unknowns on the unit
+circle, constrained by facts that are true of every sine, so that what follows for them follows for sines.
 """
 
 from __future__ import annotations
 
 import itertools
+import operator
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 
 import z3
 
@@ -29,28 +31,31 @@ from coachable.behaviours.expressions import (
 )
 from coachable.behaviours.predicates import OPERATORS, All, Any, Comparison, Not, Predicate
 from coachable.behaviours.rewriting import expanded
+from coachable.behaviours.tree import fold
 
 # The solver's own annotations do not know its operators, so its terms are typed by name only.
 Formula = typing.Any
 Real = typing.Any
 Witness = Mapping[str, float]
 
+_ARITHMETIC = {"+": operator.add, "-": operator.sub, "*": operator.mul}
+
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The signals at one moment, as the solver has them, and their floats, given those of the free ones."""
+    """The signals at one moment as solver terms, and their floats, given those of the free ones."""
 
     symbols: Mapping[str, Real]
     floats: Callable[[Witness], Witness]
 
 
 def exact(number: Fraction) -> Real:
-    """A number as the solver has it."""
+    """A number as a solver term."""
     return z3.RealVal(number)
 
 
 class Encoding:
-    """States of a behaviour, and what is said about them, in the solver's terms.
+    """States of a behaviour, and predicates on them, as solver terms.
 
     `facts` is what is true of every state; `free` are the signals of all states by the solver's names, and
     `sines` the angles whose sine is taken, each with the unknowns that stand for its sine and cosine;
@@ -67,7 +72,7 @@ class Encoding:
         self._fresh = itertools.count()
 
     def state(self) -> State:
-        """A state of which nothing is known yet; the first one is the one that a witness tells."""
+        """A new state without constraints; a witness is a value of the first one."""
         moment = next(self._fresh)
         symbols = {signal: z3.Real(f"{signal}@{moment}") for signal in self._signals}
         self.free.update({str(symbol): symbol for symbol in symbols.values()})
@@ -84,14 +89,14 @@ class Encoding:
         return State({**state.symbols, **jumped}, floats)
 
     def unknown_number(self) -> Real:
-        """A number of which nothing is known yet, such as a time."""
+        """A new number without constraints, such as a time."""
         return z3.Real(f"number@{next(self._fresh)}")
 
     def truth(self, predicate: Predicate, state: State) -> Formula:
         """The predicate as a formula.
 
-        Dividing by zero gives infinities, of which the solver knows nothing: there a comparison may be
-        either true or false, so that what is impossible is so there, too.
+        Division by zero gives infinities, which the solver does not have: there a comparison may be either
+        true or false, so that a proof of impossibility includes this case.
         """
         match expanded(predicate):
             case Comparison(left, relation, right):
@@ -114,36 +119,29 @@ class Encoding:
 
     def value(self, expression: Expression, state: State, divisors: list[Real]) -> Real:
         """The expression as a term; what it divides by is added to `divisors`."""
-        match expression:
-            case Number(value) | Constant(number=Number(value)):
-                return exact(decimal(value))
-            case Variable(signal):
-                return state.symbols[signal]
-            case Negative(operand):
-                return -self.value(operand, state, divisors)
-            case Arithmetic(left, symbol, right):
-                one, other = self.value(left, state, divisors), self.value(right, state, divisors)
-                match symbol:
-                    case "+":
-                        return one + other
-                    case "-":
-                        return one - other
-                    case "*":
-                        return one * other
-                    case _:
-                        divisors.append(other)
-                        return self._quotient(one, other)
-            case Call(function, arguments):
-                terms = [self.value(argument, state, divisors) for argument in arguments]
-                best = terms[0]
-                match function:
-                    case "sin" | "cos":
-                        return self._sine_and_cosine(best)[function == "cos"]
-                    case "abs":
-                        return z3.If(best < 0, -best, best)
-                for term in terms[1:]:
-                    best = z3.If((term < best) if function == "min" else (term > best), term, best)
-                return best
+
+        def term(node: Expression, operands: list[Real]) -> Real:
+            match node:
+                case Number(value) | Constant(number=Number(value)):
+                    return exact(decimal(value))
+                case Variable(signal):
+                    return state.symbols[signal]
+                case Negative():
+                    return -operands[0]
+                case Arithmetic(operator="/"):
+                    divisors.append(operands[1])
+                    return self._quotient(*operands)
+                case Arithmetic(operator=symbol):
+                    return _ARITHMETIC[symbol](*operands)
+                case Call("sin" | "cos" as function):
+                    return self._sine_and_cosine(operands[0])[function == "cos"]
+                case Call("abs"):
+                    return z3.If(operands[0] < 0, -operands[0], operands[0])
+                case Call(function):
+                    relation = OPERATORS["<" if function == "min" else ">"]
+                    return reduce(lambda best, other: z3.If(relation(other, best), other, best), operands)
+
+        return fold(expression, term)
 
     def _quotient(self, one: Real, other: Real) -> Real:
         divisor: typing.Any = z3.simplify(other)

@@ -1,4 +1,4 @@
-"""What is true of every sine and cosine, for a solver that knows neither."""
+"""Facts about sines and cosines, for a solver without them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Predicates as questions to the solver Z3: can this hold somewhere, and where?
+"""Questions to the solver Z3: whether predicates can hold together, and where.
 
-"Nowhere" is a proof. "Somewhere" is not, for the solver counts in exact numbers and knows little of sines: a
-witness counts only once `holds` has agreed to it, in floats.
+A refutation is a proof. A model is not, for the solver has exact numbers and few facts about sines: it
+becomes a witness only once `holds` has confirmed it in floats.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from coachable.behaviours.predicates import Comparison, Not, Predicate, holds
 Model = typing.Any
 
 _EFFORT = 100_000
-"""How much the solver may do for one answer, in its own count, so that it ends alike on every machine."""
+"""The solver's resource limit for one answer, which does not depend on the machine."""
 _LONGEST = 2_000
-"""Milliseconds after which it is stopped anyway."""
+"""The time limit for one answer [ms]."""
 _PATIENCE = 4
-"""How often it may give up before the question is given up."""
+"""The number of answers without a result after which a question is given up."""
 _ROUNDS = 10
-"""How often a state that turned out not to be one is ruled out before the question is given up."""
+"""The number of refuted models after which a question is given up."""
 _FRIENDLY = tuple(map(Fraction, ("0.1", "-0.1", "1", "-1", "0", "0.5", "-0.5", "2", "-2")))
 
 
 class Question:
-    """Requirements on one or several states of a behaviour; ask whether they can be met."""
+    """Requirements on one or several states of a behaviour, and whether they can be met."""
 
     def __init__(self, signals: Sequence[str]):
         self._signals = tuple(signals)
@@ -44,7 +44,7 @@ class Question:
         self._given_up = 0
 
     def state(self) -> State:
-        """A state of which nothing is known yet; the first one is the one that a witness tells."""
+        """A new state without constraints; a witness is a value of the first one."""
         return self._encoding.state()
 
     def after(self, state: State, reset: Sequence[Assignment]) -> State:
@@ -52,28 +52,28 @@ class Question:
         return self._encoding.after(state, reset)
 
     def value(self, expression: Expression, state: State) -> Real:
-        """What an expression is worth in a state, for `require_that`; what it divides by must not be zero."""
+        """The value of an expression in a state, for `require_that`; its divisors must not be zero."""
         return self._encoding.value(expression, state, [])
 
     def unknown_number(self) -> Real:
-        """A number of which nothing is known yet, such as a time."""
+        """A new number without constraints, such as a time."""
         return self._encoding.unknown_number()
 
     def require(self, predicate: Predicate, state: State) -> None:
-        """The predicate holds in the state."""
+        """Require that a predicate holds in a state."""
         self._claims.append((predicate, state))
         self._required.append(self._encoding.truth(predicate, state))
 
     def suppose(self, predicate: Predicate, state: State) -> None:
-        """As `require`, for what floats need not agree to: a boundary that no float may lie on."""
+        """As `require`, without confirmation in floats: for a boundary on which no float may lie."""
         self._required.append(self._encoding.truth(predicate, state))
 
     def require_that(self, fact: Formula) -> None:
-        """Something about the states' symbols that no predicate says."""
+        """Require a formula over the states' symbols."""
         self._required.append(fact)
 
     def differ(self, one: State, other: State) -> None:
-        """The two states are not the same."""
+        """Require that two states differ."""
         self._required.append(z3.Or([one.symbols[name] != other.symbols[name] for name in self._signals]))
 
     def refuted(self) -> bool | None:
@@ -82,7 +82,7 @@ class Question:
             answer = self._answer()
             if answer in (z3.unsat, z3.unknown):
                 return True if answer == z3.unsat else None
-            if self._rounded(answer, self._in_sines()) is not None or not self._taught_sines(answer):
+            if self._rounded(answer, self._in_sines()) is not None or not self._corrected_sines(answer):
                 return False
         return False
 
@@ -105,7 +105,7 @@ class Question:
                 self._required.append(
                     z3.Or([self._encoding.free[name] != z3.RealVal(value) for name, value in found.items()])
                 )
-            if not self._taught_sines(answer) and found is None:
+            if not self._corrected_sines(answer) and found is None:
                 return None
         return None
 
@@ -158,7 +158,7 @@ class Question:
         return chosen
 
     def _candidates(self, symbol: Real, model: Model) -> Iterator[Fraction]:
-        """Short numbers, what the model says, and what would make its sines and cosines come true."""
+        """Short numbers, the model's value, and values with which its sines and cosines are true."""
         yield from _FRIENDLY
         wanted = [_fraction(model, symbol)]
         for angle, *pair in self._encoding.sines.values():
@@ -180,16 +180,16 @@ class Question:
             if z3.is_rational_value(known):
                 yield from sines.near(known, known.as_fraction(), *pair)
 
-    def _taught_sines(self, model: Model) -> bool:
-        """Teach the solver the sine at every angle of which the model had it wrong; False if none was."""
-        taught = False
+    def _corrected_sines(self, model: Model) -> bool:
+        """Add the sine at every angle where the model has a wrong one; whether there was any."""
+        corrected = False
         for angle, *pair in self._encoding.sines.values():
             known = nearest_float(_fraction(model, angle))
             given = [nearest_float(_fraction(model, term)) for term in pair]
             if math.dist(given, (math.sin(known), math.cos(known))) > 1e-9:
                 self._required += sines.near(angle, Fraction(known), *pair)
-                taught = True
-        return taught
+                corrected = True
+        return corrected
 
 
 def _fraction(model: Model, term: Real) -> Fraction:

@@ -6,18 +6,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.checking.solver import smt
-from coachable.behaviours.checking.solver.affine import cut_of, is_affine
+from coachable.behaviours.checking.solver import cells, cut_of, is_affine
 from coachable.behaviours.expressions import Constant, Number, Variable, evaluate
-from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, subpredicates
+from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate
 from coachable.behaviours.rewriting import conjuncts, expanded
+from coachable.behaviours.tree import walk
 
 _MOST_CELLS = 1024
 
 
 @dataclass(frozen=True)
 class Cells:
-    """What the comparisons of all phases cut the signal space into: the cells, and those in no phase."""
+    """The cells that the comparisons of all phases cut the signal space into, and those in no phase."""
 
     number: int
     outside: tuple[tuple[Predicate, ...], ...]
@@ -25,7 +25,7 @@ class Cells:
 
     @property
     def word(self) -> str:
-        """What to call them."""
+        """The name of the cells."""
         return "orthants" if self.orthants else "cells"
 
 
@@ -36,7 +36,7 @@ def cells_of(behaviour: Behaviour) -> Cells | None:
     min and max: what the solver finds then need not be all.
     """
     rules = [expanded(phase.predicate) for phase in behaviour.phases]
-    comparisons = [part for rule in rules for part in subpredicates(rule) if isinstance(part, Comparison)]
+    comparisons = [comparison for rule in rules for comparison in walk(rule, Comparison)]
     sides = [side for comparison in comparisons for side in (comparison.left, comparison.right)]
     if not all(is_affine(side, with_corners=True) for side in sides):
         return None
@@ -45,7 +45,7 @@ def cells_of(behaviour: Behaviour) -> Cells | None:
         cut, upper = cut_of(comparison, behaviour.signal_names)
         plain = Comparison(comparison.left, comparison.relation, comparison.right)
         cuts.setdefault(cut, plain if upper else _opposite(plain))
-    found = smt.cells(behaviour.signal_names, tuple(cuts.values()), _MOST_CELLS)
+    found = cells(behaviour.signal_names, tuple(cuts.values()), _MOST_CELLS)
     if found is None:
         return None
     located = [dict(zip(cuts, cell, strict=True)) for cell in found]
