@@ -27,7 +27,7 @@ def run(commands: Sequence[str]) -> None:
             except SystemExit as end:
                 status = end.code
         if status not in (0, None, 1):
-            raise SystemExit(status)
+            raise SystemExit(f"`coachable {command}` ended with exit status {status}")
         # A run of the paper's study has another command in another checkout.
         name = "train" if words[0] == "study" else words[0]
         suffix = "json" if "--json" in words else "txt"

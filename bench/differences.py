@@ -23,7 +23,7 @@ RESULTS_IN_MANIFEST = ("reward_hashes", "baseline")
 
 TEXT = (".behaviour", ".bib", ".csv", ".dot", ".html", ".kyx", ".md", ".mmd", ".py", ".svg", ".txt", ".xml")
 
-_NUMBER = re.compile(r"\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+_NUMBER = re.compile(r"[-−]?(?:\d+(?:\.\d+)?(?:[eE][-+]?\d+)?|\b(?:nan|inf)\b)")
 _SHOWN = 90
 
 
@@ -71,8 +71,8 @@ def compare_files(name: str, old: Path, new: Path) -> Iterator[Difference]:
 
 def compare_tables(name: str, old: pa.Table, new: pa.Table) -> Iterator[Difference]:
     """Differences between the columns of two tables, to the bit."""
-    columns = [{key: table[key].to_numpy() for key in table.column_names} for table in (old, new)]
-    yield from compare_arrays(name, *columns, "column")
+    before, after = ({key: table[key].to_numpy() for key in table.column_names} for table in (old, new))
+    yield from compare_arrays(name, before, after, "column")
 
 
 def compare_arrays(
@@ -93,9 +93,9 @@ def compare_arrays(
         differs = flat != other if flat.dtype == object else (_bits(flat) != _bits(other)).any(axis=1)
         if differs.any():
             row = int(np.argmax(differs))
-            index = f"row {row}" if first.ndim == 1 else f"at {_index(row, first.shape)}"
+            place = ", ".join(str(index) for index in np.unravel_index(row, first.shape))
             values = f"{flat[row]!r} → {other[row]!r}"
-            yield Difference(where, f"{index}: {values} ({differs.sum()} of {differs.size} differ)")
+            yield Difference(where, f"row {place}: {values} ({differs.sum()} of {differs.size} differ)")
     for key in new:
         if key not in old:
             yield Difference(f"{name}:{key}", f"a new {kind}", addition=True)
@@ -149,19 +149,13 @@ def _files(folder: Path) -> list[str]:
 
 def _json_of(path: Path) -> Any:
     data = json.loads(path.read_text("utf-8"))
-    return (
-        {key: data[key] for key in RESULTS_IN_MANIFEST if key in data}
-        if path.name == "manifest.json"
-        else data
-    )
+    if path.name != "manifest.json":
+        return data
+    return {key: data[key] for key in RESULTS_IN_MANIFEST if key in data}
 
 
 def _bits(array: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(array).view(np.uint8).reshape(array.size, array.dtype.itemsize)
-
-
-def _index(flat: int, shape: tuple[int, ...]) -> tuple[int, ...]:
-    return tuple(map(int, np.unravel_index(flat, shape)))
 
 
 def _numbers(text: str) -> list[str]:

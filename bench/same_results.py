@@ -1,7 +1,7 @@
 """Show that two checkouts of this repository compute the same: run both, compare all results to the bit.
 
     python -m bench.same_results OLD NEW                         everything; about six minutes a checkout
-    python -m bench.same_results OLD NEW --keep DIR              keep the results, and reuse them
+    python -m bench.same_results OLD NEW --keep DIR              keep the results in DIR/NAME OF CHECKOUT
     python -m bench.same_results OLD NEW --only walkers export   some cases, with those that they need
     python -m bench.same_results --list                          the cases: bench/same_results.toml
 
@@ -73,16 +73,16 @@ class Side:
     """The command that runs a study."""
 
     @staticmethod
-    def of(name: str, checkout: Path, published: Path, folder: Path) -> Side:
-        """A checkout and the language it speaks; exits if it holds no package that can be imported."""
+    def of(checkout: Path, published: Path, keep: Path, name: str) -> Side:
+        """A checkout and the commands that it has; exits if it holds no package that can be imported."""
         checkout = checkout.resolve()
         script = "import coachable.cli; print(coachable.__file__); coachable.cli.main(['--help'])"
         done = _python(["-c", script], checkout)
         place, _, overview = done.stdout.partition("\n")
         if done.returncode or not Path(place).resolve().is_relative_to(checkout):
-            raise SystemExit(f"{checkout} holds no coachable that runs: {place or _last_line(done.stderr)}")
+            raise SystemExit(f"{checkout} holds no coachable that runs: {place or _end(done.stderr)}")
         study = "study" if re.search(r"^ +study ", overview, re.MULTILINE) else "train"
-        return Side(name, checkout, published.resolve(), folder.resolve() / name, study)
+        return Side(name, checkout, published.resolve(), keep.resolve() / name, study)
 
     def run(self, name: str, cases: Mapping[str, Case], needed: Sequence[Future[str]]) -> str:
         """Run a case, unless its results are there already; returns what went wrong, or nothing."""
@@ -102,7 +102,7 @@ class Side:
         commands = [re.sub("|".join(words), lambda word: words[word[0]], line) for line in case.commands]
         done = _python(["-m", "bench.commands", *commands], self.checkout, folder)
         if done.returncode:
-            return f"exit status {done.returncode}: {_last_line(done.stderr)}"
+            return _end(done.stderr)
         stamp.write_text(key, encoding="utf-8")
         print(f"{self.name} {name}: {time.perf_counter() - since:.0f} s", file=sys.stderr, flush=True)
         return ""
@@ -167,7 +167,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("checkouts", type=Path, nargs="*", metavar="OLD NEW", help="two checkouts")
     parser.add_argument("--only", nargs="+", metavar="NAME", choices=cases, default=[*cases], help="cases")
-    parser.add_argument("--keep", type=Path, metavar="DIR", help="keep what comes out there, and reuse it")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="keep the results there, and reuse them")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="cases run at once (default 2)")
     parser.add_argument("--all", action="store_true", help="print every difference")
     parser.add_argument("--list", action="store_true", help="print the cases and their commands")
@@ -179,10 +179,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if len(options.checkouts) != 2:
         parser.error("give two checkouts: OLD NEW")
     old, new = options.checkouts
+    names = [checkout.resolve().name for checkout in (old, new)]
     with tempfile.TemporaryDirectory() as temporary:
-        folder = options.keep or Path(temporary)
-        sides = Side.of("old", old, old, folder), Side.of("new", new, old, folder)
-        surprises = compare(*sides, options.only, options.jobs, options.all)
+        keep = options.keep or Path(temporary)
+        first = Side.of(old, old, keep, names[0])
+        second = Side.of(new, old, keep, names[1] + "-again" * (names[0] == names[1]))
+        surprises = compare(first, second, options.only, options.jobs, options.all)
     result = f"{len(surprises)} differ: {', '.join(surprises)}" if surprises else "all as expected"
     print(f"{len(options.only)} cases, {result}")
     sys.exit(int(bool(surprises)))
@@ -210,8 +212,10 @@ def _python(
     return subprocess.run(command, cwd=folder, env=variables, stdin=stdin, capture_output=True, text=True)
 
 
-def _last_line(text: str) -> str:
-    return (text.strip().splitlines() or ["no message"])[-1]
+def _end(errors: str) -> str:
+    """The last two lines that are more than a frame."""
+    lines = [line.strip(" │") for line in errors.splitlines() if re.search(r"\w", line)]
+    return " / ".join(lines[-2:])
 
 
 if __name__ == "__main__":

@@ -90,7 +90,7 @@ def test_a_changed_weight_is_named_with_its_place(old, new):
     write(new, weights=WEIGHTS | {"weight": changed})
     (found,) = compare_folders(old, new)
     assert found.where == "policies/orthant-0-last.safetensors:weight"
-    assert found.what.startswith("at (1, 1): ")
+    assert found.what.startswith("row 1, 1: ")
 
 
 def test_a_changed_key_is_named(old, new):
@@ -105,6 +105,8 @@ def test_words_are_distinguished_from_numbers(old, new):
     found = differences(old, new)["printed.txt"]
     assert found.words_only
     assert found.what.startswith("line 2: 'fell never' → 'no fall'")
+    write(new, printed="speed -0.40 m/s\nfell never\n")
+    assert not differences(old, new)["printed.txt"].words_only
     write(new, printed="speed 0.41 m/s\nno fall\n")
     found = differences(old, new)["printed.txt"]
     assert not found.words_only
@@ -196,5 +198,8 @@ def test_only_changed_cases_run_again(checkout, tmp_path, monkeypatch, capfd):
     assert "printed-01-train.txt: line 1" in lines[0]
     program.write_text(program.read_text().replace("'train':", "'study':"))
     code, lines, _ = outcome()
-    assert (code, lines[0]) == (1, f"{'one':<24} new fails: exit status 2: no message")
+    assert (code, lines[0]) == (
+        1,
+        f"{'one':<24} other fails: `coachable train paper` ended with exit status 2",
+    )
     assert "a case that it needs failed" in lines[1]
