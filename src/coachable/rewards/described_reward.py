@@ -107,7 +107,7 @@ class DescribedReward:
 
         Their first step comes from *none yet*, for which a form that pays ±1 pays 0.
         """
-        return self._initial(self.tracker.before_all(signals), signals)
+        return self._initial(self.tracker.initial(signals), signals)
 
     def _initial(self, phase: Memory, signals: Float[Any, "*batch num_signals"]) -> RewardMemory:
         return RewardMemory(phase, *self.initial_memory(phase.location, _zero(signals)))
