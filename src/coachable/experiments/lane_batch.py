@@ -19,10 +19,11 @@ from coachable.experiments.plan import Lane, Study
 from coachable.experiments.results import LOGS
 from coachable.experiments.run_folder.checkpoint import arrays_of, load_arrays, save_arrays, tree_from
 from coachable.experiments.run_folder.reader import Which
+from coachable.experiments.run_folder.schemas import DIAGNOSTICS
 from coachable.foundation.errors import RunFolderError
 from coachable.learning.networks import ActorCritic
 from coachable.learning.policy import Policy
-from coachable.learning.ppo import Episodes
+from coachable.learning.ppo import Diagnostics, Episodes
 from coachable.plants.compass import STATE_NAMES
 from coachable.rewards.setup import TERM_NAMES
 
@@ -158,17 +159,18 @@ class Group:
         self.latest = self._logs["evaluations"].last(len(self.lanes))
 
     def _update(self) -> None:
-        self._states, episodes = self._programs.update(self._training, self._states)
-        self._log_episodes(jax.tree.map(np.asarray, episodes))
+        self._states, *logged = self._programs.update(self._training, self._states)
+        self._log_episodes(*jax.tree.map(np.asarray, logged))
         self.num_updates += 1
         self._evaluate_if_due()
 
-    def _log_episodes(self, episodes: Episodes) -> None:
+    def _log_episodes(self, episodes: Episodes, diagnostics: Diagnostics) -> None:
         lane, step = np.nonzero(episodes.ended)
         if len(lane):
             end_step = self.num_updates * self._study.ppo.n_steps + step + 1
             columns = {"lane": lane.astype(np.int32), "end_step": end_step}
             columns |= {"return": episodes.episode_return, "length": episodes.length, "fell": episodes.fell}
+            columns |= {name: getattr(diagnostics, name)[lane] for name in DIAGNOSTICS}
             self._logs["episodes"].add(
                 {name: column if column.ndim == 1 else column[lane, step] for name, column in columns.items()}
             )

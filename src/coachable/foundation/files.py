@@ -73,14 +73,19 @@ def table_bytes(table: pa.Table) -> bytes:
 def table_from(data: bytes, path: Path, schema: pa.Schema) -> pa.Table:
     """The table in a Parquet file's content.
 
-    **Raises:** `RunFolderError` naming `path` if it is not one, or lacks columns of the schema.
+    Nullable columns of the schema that it lacks are added, as nulls.
+
+    **Raises:** `RunFolderError` naming `path` if it is not one, or lacks other columns of the schema.
     """
     try:
         table = pq.read_table(pa.BufferReader(data))
     except (pa.ArrowException, OSError) as error:
         raise RunFolderError(f"{path} is damaged: {error}") from None
-    if missing := [name for name in schema.names if name not in table.column_names]:
-        raise RunFolderError(f"{path} lacks the column {missing[0]!r}")
+    missing = [field for field in schema if field.name not in table.column_names]
+    if required := [field.name for field in missing if not field.nullable]:
+        raise RunFolderError(f"{path} lacks the column {required[0]!r}")
+    for field in missing:
+        table = table.append_column(field, pa.nulls(len(table), field.type))
     return table
 
 

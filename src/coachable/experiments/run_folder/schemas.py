@@ -12,18 +12,32 @@ from coachable.plants.compass import STATE_NAMES
 from coachable.rewards.setup import TERM_NAMES
 
 FORMAT_VERSION = 1
+DIAGNOSTICS = (
+    "approx_kl",
+    "clip_fraction",
+    "explained_variance",
+    "value_loss",
+    "policy_loss",
+    "entropy",
+    "std",
+)
+"""The columns of `learning.ppo.Diagnostics`, of the update after the rollout in which an episode ended.
+
+Null where the learner does not report one, and in older tables, which lack them.
+"""
 
 
 def _columns(*columns: tuple[str, pa.DataType, str]) -> pa.Schema:
     return pa.schema(
         [
-            pa.field(name, kind, nullable=False, metadata={"unit": unit} if unit else None)
+            pa.field(name, kind, nullable=name in DIAGNOSTICS, metadata={"unit": unit} if unit else None)
             for name, kind, unit in columns
         ]
     )
 
 
 _LANE = ("lane", pa.string(), "")
+_UPDATE = [(name, pa.float32(), "") for name in DIAGNOSTICS]
 _TERMS = [(name, pa.float32(), "") for name in TERM_NAMES]
 _STATE_UNITS = ("rad", "rad", "rad/s", "rad/s")
 
@@ -35,6 +49,7 @@ SCHEMAS: Mapping[str, pa.Schema] = MappingProxyType(
             ("return", pa.float32(), ""),
             ("length", pa.int32(), ""),
             ("fell", pa.bool_(), ""),
+            *_UPDATE,
         ),
         "evaluations": _columns(
             _LANE,
@@ -78,7 +93,7 @@ _PAID = (
 )
 TRAINING_SCHEMAS: Mapping[str, pa.Schema] = MappingProxyType(
     {
-        "episodes": _columns(_LANE, ("end_step", pa.int64(), ""), *_PAID),
+        "episodes": _columns(_LANE, ("end_step", pa.int64(), ""), *_PAID, *_UPDATE),
         "evaluations": _columns(
             _LANE,
             ("step", pa.int64(), ""),
@@ -123,5 +138,16 @@ second, NaN if it has none; `dt` the time between two steps.
 
 
 def table_of(schema: pa.Schema, columns: Mapping[str, np.ndarray | list]) -> pa.Table:
-    """A table from its columns, in the schema's order."""
-    return pa.table([pa.array(columns[field.name], field.type) for field in schema], schema=schema)
+    """A table from its columns, in the schema's order.
+
+    In a nullable column NaN becomes null; one that is not among `columns` is all null.
+    """
+
+    def array(field: pa.Field) -> pa.Array:
+        if not field.nullable:
+            return pa.array(columns[field.name], field.type)
+        if field.name not in columns:
+            return pa.nulls(len(columns[schema.names[0]]), field.type)
+        return pa.array(columns[field.name], field.type, from_pandas=True)
+
+    return pa.table([array(field) for field in schema], schema=schema)
