@@ -1,5 +1,6 @@
 """What a finished run holds, and that its parts agree with each other."""
 
+import dataclasses
 import json
 import shutil
 
@@ -10,8 +11,9 @@ import pytest
 import coachable as co
 from coachable.experiments import runner
 from coachable.experiments.run_folder.reader import Run
-from coachable.experiments.run_folder.schemas import schemas
+from coachable.experiments.run_folder.schemas import DIAGNOSTICS, schemas
 from coachable.foundation.errors import RunFolderError
+from coachable.learning.ppo import Diagnostics
 from coachable.plants.compass import STATE_NAMES
 from coachable.rewards.setup import TERM_NAMES
 
@@ -83,6 +85,22 @@ def test_training_episodes_fill_the_training_without_gaps(small_run):
         assert len(mine["end_step"]) > 1
         assert np.array_equal(np.diff(mine["end_step"], prepend=0), mine["length"])
         assert mine["end_step"][-1] <= 1280
+
+
+def test_an_episode_has_the_diagnostics_of_the_update_after_its_rollout(small_run):
+    assert {field.name for field in dataclasses.fields(Diagnostics)} == set(DIAGNOSTICS)
+    episodes = small_run.columns("episodes")
+    update = (episodes["end_step"] - 1) // 64
+    for lane in small_run.lanes:
+        mine = episodes["lane"] == lane.name
+        for number in np.unique(update[mine]):
+            for name in DIAGNOSTICS:
+                values = episodes[name][mine & (update == number)]
+                assert np.isfinite(values).all()
+                assert len(np.unique(values)) == 1
+    assert len(np.unique(episodes["value_loss"])) > 4
+    assert (episodes["approx_kl"] > -1e-6).all()
+    assert (episodes["explained_variance"] <= 1).all()
 
 
 @pytest.mark.parametrize("which", ["last", "best"])

@@ -3,13 +3,16 @@
 import errno
 import os
 
+import numpy as np
 import pytest
 
-from coachable.experiments.run_folder.schemas import SCHEMAS
+from coachable.experiments.plan import load_plan
+from coachable.experiments.run_folder.schemas import schemas
 from coachable.foundation.errors import PlanError, RunFolderError
 from coachable.foundation.files import hash_of, read_bytes, read_text, write_atomic
 from coachable.foundation.tables import table_bytes, table_from, table_of
 
+SCHEMAS = schemas(load_plan("paper").problem)
 SURVIVAL = {"lane": ["orthant-3", "sparse-0"], "seconds_up": [100.0, 3.25], "perturbed_up": [1.0, 0.5]}
 
 
@@ -72,3 +75,23 @@ def test_a_table_comes_back_with_its_types_and_units(tmp_path):
         table_from(data[: len(data) // 2], path, schema)
     with pytest.raises(RunFolderError, match=r"survival\.parquet lacks the column 'step'"):
         table_from(data, path, SCHEMAS["evaluations"])
+
+
+def test_nullable_columns_may_be_missing_from_an_older_table_and_nan_is_null(tmp_path):
+    path, schema = tmp_path / "episodes.parquet", SCHEMAS["episodes"]
+    rows = {
+        "lane": ["a", "b"],
+        "end_step": [5, 9],
+        "return": [1.0, 2.0],
+        "length": [5, 4],
+        "fell": [True, False],
+    }
+    table = table_of(schema, rows | {"approx_kl": np.array([0.5, np.nan])})
+    assert table["approx_kl"].to_pylist() == [0.5, None]
+    assert table["entropy"].to_pylist() == [None, None]
+    older = table_from(table_bytes(table.drop_columns(["approx_kl", "std"])), path, schema)
+    assert set(older.column_names) == set(schema.names)
+    assert older["approx_kl"].to_pylist() == [None, None]
+    assert np.isnan(older["approx_kl"].to_numpy()).all()
+    assert older["approx_kl"].to_numpy().dtype == np.float32
+    assert older.select(list(rows)).to_pydict() == rows

@@ -103,7 +103,7 @@ def test_one_whole_update_ends_with_the_same_weights(model, monkeypatch, changes
     permutations = np.stack([np.random.permutation(config.n_steps) for _ in range(config.n_epochs)])
     np.random.seed(11)  # the buffer draws the same ones again
     model.train()
-    ours, _ = jax.jit(ppo.learn, static_argnums=4)(
+    ours, _, diagnostics = jax.jit(ppo.learn, static_argnums=4)(
         before, ppo.Adam(zeros, zeros, jnp.zeros(())), batch, jnp.array(permutations), config
     )
 
@@ -116,6 +116,20 @@ def test_one_whole_update_ends_with_the_same_weights(model, monkeypatch, changes
         np.testing.assert_allclose(getattr(ours, name), getattr(expected, name), atol=1e-4, err_msg=name)
     for name in ("value_weight", "value_bias", "log_std"):
         np.testing.assert_allclose(getattr(ours, name), getattr(expected, name), atol=1e-4, err_msg=name)
+
+    logged = model.logger.name_to_value
+    assert logged["train/clip_fraction"] > 0.01
+    assert logged["train/approx_kl"] > 5e-4
+    for name, theirs, tolerance in (
+        ("approx_kl", logged["train/approx_kl"], 1e-5),
+        ("clip_fraction", logged["train/clip_fraction"], 2e-4),  # a few of 20,480 samples lie on the edge
+        ("explained_variance", logged["train/explained_variance"], 1e-5),
+        ("value_loss", logged["train/value_loss"], 1e-4 * logged["train/value_loss"]),
+        ("policy_loss", logged["train/policy_gradient_loss"], 1e-5),
+        ("entropy", -logged["train/entropy_loss"], 1e-5),
+        ("std", logged["train/std"], 1e-5),
+    ):
+        assert float(getattr(diagnostics, name)) == pytest.approx(theirs, abs=tolerance), name
 
 
 def test_advantages_are_theirs_also_over_truncated_episodes(model):

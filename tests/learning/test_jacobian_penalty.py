@@ -57,7 +57,7 @@ def test_its_gradient_agrees_with_differences_of_the_loss():
         flat, unravel = jax.flatten_util.ravel_pytree(networks)
 
         def penalty(flat):
-            whole, without = (ppo.loss(unravel(flat), batch, c) for c in (config, PPOConfig()))
+            whole, without = (ppo.loss(unravel(flat), batch, c)[0] for c in (config, PPOConfig()))
             return whole - without
 
         gradient = jax.grad(penalty)(flat)
@@ -71,7 +71,9 @@ def test_a_weight_of_nothing_is_the_same_program():
     """Not one operation more: so published studies keep every bit."""
 
     def program(config):
-        function = jax.jit(lambda networks, batch: jax.grad(ppo.loss)(networks, batch, config))
+        function = jax.jit(
+            lambda networks, batch: jax.grad(ppo.loss, has_aux=True)(networks, batch, config)[0]
+        )
         return function.lower(some_networks(), some_batch()).as_text()
 
     assert program(PPOConfig(jacobian_penalty=0.0)) == program(PPOConfig())
@@ -81,7 +83,8 @@ def test_a_weight_of_nothing_is_the_same_program():
 def test_the_value_network_does_not_feel_it():
     networks, batch = some_networks(), some_batch()
     with_it, without = (
-        jax.grad(ppo.loss)(networks, batch, PPOConfig(jacobian_penalty=weight)) for weight in (1.0, 0.0)
+        jax.grad(ppo.loss, has_aux=True)(networks, batch, PPOConfig(jacobian_penalty=weight))[0]
+        for weight in (1.0, 0.0)
     )
     np.testing.assert_array_equal(with_it.value_weight, without.value_weight)
     np.testing.assert_array_equal(with_it.second_weight[1], without.second_weight[1])
@@ -99,6 +102,6 @@ def test_the_more_it_weighs_the_flatter_the_trained_policy():
         improve = jax.jit(partial(ppo.improve, config))
         state, rollout, _ = collect(ppo.init(jax.random.key(0), task, config))
         for _ in range(8):
-            state, rollout, _ = collect(improve(state, rollout))
+            state, rollout, _ = collect(improve(state, rollout)[0])
         slopes.append(mean_squared_slope(state.networks, rollout.observations.T))
     assert slopes[0] > 1.2 * slopes[1] > 1.5 * slopes[2]

@@ -46,16 +46,17 @@ def test_a_lane_does_not_depend_on_what_runs_beside_it(update):
     tasks, states = lanes(SETUPS)
     mixed_tasks, mixed_states = lanes(("orthant", "orthant", "sparse", "orthant"))
     for _ in range(3):
-        states, _ = update(tasks, CONFIG, states)
-        mixed_states, _ = update(mixed_tasks, CONFIG, mixed_states)
+        states, _, diagnostics = update(tasks, CONFIG, states)
+        mixed_states, _, mixed_diagnostics = update(mixed_tasks, CONFIG, mixed_states)
     assert_equal(lane(states, 0), lane(mixed_states, 2))
     assert_equal(lane(states, 2), lane(mixed_states, 0))
+    assert_equal(lane(diagnostics, 0), lane(mixed_diagnostics, 2))
 
 
 def test_many_lanes_at_once_are_each_one_lane_alone(update):
     tasks, states = lanes(SETUPS)
-    together, _ = update(tasks, CONFIG, states)
-    alone, _ = eqx.filter_jit(ppo.update)(lane(tasks, 1), CONFIG, lane(states, 1))
+    together, _, _ = update(tasks, CONFIG, states)
+    alone, _, _ = eqx.filter_jit(ppo.update)(lane(tasks, 1), CONFIG, lane(states, 1))
     for a, b in zip(jax.tree.leaves(together.networks), jax.tree.leaves(alone.networks), strict=True):
         np.testing.assert_allclose(a[1], b, atol=2e-5)
 
@@ -64,7 +65,7 @@ def test_episodes_add_up_over_rollout_boundaries(update):
     tasks, states = lanes(SETUPS)
     found = []
     for _ in range(6):
-        states, episodes = update(tasks, CONFIG, states)
+        states, episodes, _ = update(tasks, CONFIG, states)
         found.append(episodes)
     ended, length = (
         np.concatenate([getattr(e, name) for e in found], axis=1) for name in ("ended", "length")

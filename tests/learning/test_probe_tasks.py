@@ -109,7 +109,7 @@ def trained(task: Probe, num_updates: int = 30) -> ppo.TrainState:
     update = jax.jit(partial(ppo.update, task, CONFIG))
     state = ppo.init(jax.random.key(0), task, CONFIG)
     for _ in range(num_updates):
-        state, _ = update(state)
+        state, _, _ = update(state)
     return state
 
 

@@ -1,5 +1,6 @@
 """Lanes of stable-baselines3: the policy that is kept is the one that acts, a checkpoint holds all of it."""
 
+import dataclasses
 import inspect
 
 import gymnasium
@@ -9,8 +10,11 @@ import pytest
 
 pytest.importorskip("stable_baselines3", reason="needs the [sb3] extra: pip install 'coachable[sb3]'")
 
+from coachable.experiments.run_folder.schemas import DIAGNOSTICS
+from coachable.experiments.trainers.process_lane import EpisodeLog, Episodes
 from coachable.experiments.trainers.stable_baselines3 import StableBaselines3
 from coachable.foundation.errors import PlanError
+from coachable.learning.ppo import Diagnostics
 from coachable.learning.sb3 import ALGORITHMS, Learner, check_settings
 
 pytestmark = pytest.mark.sb3
@@ -224,3 +228,41 @@ def test_spaces_it_cannot_work_with_are_refused():
         Learner("sb3-ppo", lambda: gymnasium.make("CartPole-v1"), {}, 0)
     with pytest.raises(PlanError, match="FlattenObservation"):
         Learner("sb3-ppo", lambda: gymnasium.wrappers.ReshapeObservation(Aim(), (3, 1)), {}, 0)
+
+
+def test_the_diagnostics_are_those_that_the_algorithm_logs():
+    found = {}
+    for trainer in SMALL:
+        lane = learner(trainer)
+        assert lane.diagnostics() == {}
+        lane.learn(64, lambda: None)
+        found[trainer] = lane.diagnostics()
+        logged = lane._model.logger.name_to_value
+        value, policy = (
+            ("value_loss", "policy_gradient_loss") if trainer == "sb3-ppo" else ("critic_loss", "actor_loss")
+        )
+        assert found[trainer]["value_loss"] == logged[f"train/{value}"] > 0
+        assert found[trainer]["policy_loss"] == logged[f"train/{policy}"] != 0
+    assert set(found["sb3-ppo"]) == {field.name for field in dataclasses.fields(Diagnostics)}
+    assert found["sb3-ppo"]["entropy"] == pytest.approx(np.log(2 * np.pi * np.e), rel=0.05)  # of two N(·, 1)
+    assert set(found["sb3-sac"]) == set(found["sb3-td3"]) == {"value_loss", "policy_loss"}
+
+
+def test_an_episode_is_logged_with_the_update_after_its_rollout():
+    episodes = Episodes()
+    env = EpisodeLog(Aim(), episodes, lambda info: {})
+    lane = Learner("sb3-ppo", lambda: env, SMALL["sb3-ppo"], seed=1)
+    updates = []
+
+    def between():
+        if episodes.ended:
+            updates.append(lane.diagnostics())
+            episodes.log_ended(updates[-1])
+
+    lane.learn(3 * 32, between)
+    columns = episodes.log.columns()
+    assert len(updates) == 3
+    assert len({update["value_loss"] for update in updates}) == 3
+    for name in DIAGNOSTICS:
+        expected = np.repeat([update[name] for update in updates], 32)  # every step ends an episode
+        np.testing.assert_array_equal(columns[name], expected, err_msg=name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from coachable.experiments.experiment import Experiment, Lane
 from coachable.experiments.run_folder.reader import Run
+from coachable.experiments.run_folder.schemas import DIAGNOSTICS
 from coachable.foundation.errors import RunFolderError
 
 WATCHED_SECONDS = 100.0
@@ -49,6 +50,8 @@ class SetupRuns:
     """How long the final walker stays up [s], of 100."""
     perturbed_up: Float[np.ndarray, " runs"]
     """Share of the perturbed starts from which the final walker stays up."""
+    diagnostics: Mapping[str, Float[np.ndarray, "runs checkpoints"]] = field(default_factory=dict)
+    """By column of `DIAGNOSTICS`: of the update after the last training episode finished by a checkpoint."""
 
     @property
     def num_runs(self) -> int:
@@ -216,9 +219,10 @@ class _Tables:
         experiment: Experiment, evaluations: pa.Table, episodes: pa.Table, survival: pa.Table | None
     ) -> _Tables:
         distance = experiment.require_plant("a study's table").distance
+        reported = [name for name in DIAGNOSTICS if name in episodes.column_names]
         return _Tables(
             _by_lane(evaluations, "step", ("step", distance, "fell", "share_in_cycle")),
-            _by_lane(episodes, "end_step", ("end_step", "return")),
+            _by_lane(episodes, "end_step", ("end_step", "return", *reported)),
             {} if survival is None else _by_lane(survival, "lane", ("seconds_up", "perturbed_up")),
         )
 
@@ -257,6 +261,16 @@ def _measured(
             final_return=np.array([lane[-1] for lane in returns]),
             seconds_up=up["seconds_up"][:, -1],
             perturbed_up=up["perturbed_up"][:, -1],
+            diagnostics={
+                column: np.stack(
+                    [
+                        _last_finished(end, tables.trained[lane][column], checkpoints)
+                        for lane, end in zip(names, ends, strict=True)
+                    ]
+                )
+                for column in DIAGNOSTICS
+                if column in tables.trained[names[0]]
+            },
         )
 
     return Measurements(
@@ -270,7 +284,7 @@ def _measured(
     )
 
 
-def _by_lane(table: pa.Table, order: str, names: tuple[str, ...]) -> dict[str, Columns]:
+def _by_lane(table: pa.Table, order: str, names: Sequence[str]) -> dict[str, Columns]:
     """The named columns of a table for each lane, its rows in the given order, as float64."""
     rows = table.sort_by([("lane", "ascending"), (order, "ascending")])
     lanes = rows["lane"].value_counts().to_pylist()

@@ -127,6 +127,13 @@ def mean_share_in_cycle(runs: Measurements, setup: SetupRuns) -> Band:
     return _band(runs.checkpoints, setup.share_in_cycle)
 
 
+def mean_diagnostic(runs: Measurements, setup: SetupRuns, name: str) -> Band:
+    """The mean over runs of a diagnostic of the updates, at the checkpoints at which every run has one."""
+    values = setup.diagnostics[name]
+    known = ~np.isnan(values).any(axis=0)
+    return _band(runs.checkpoints[known], values[:, known])
+
+
 @dataclass(frozen=True)
 class Improvement:
     """The chance that a run of one setup walks farther than a run of another one."""

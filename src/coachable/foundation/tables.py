@@ -13,8 +13,19 @@ from coachable.foundation.errors import Raises, RunFolderError
 
 
 def table_of(schema: pa.Schema, columns: Mapping[str, np.ndarray | list]) -> pa.Table:
-    """A table from its columns, in the schema's order."""
-    return pa.table([pa.array(columns[field.name], field.type) for field in schema], schema=schema)
+    """A table from its columns, in the schema's order.
+
+    In a nullable column NaN becomes null; one that is not among `columns` is all null.
+    """
+
+    def array(field: pa.Field) -> pa.Array:
+        if not field.nullable:
+            return pa.array(columns[field.name], field.type)
+        if field.name not in columns:
+            return pa.nulls(len(columns[schema.names[0]]), field.type)
+        return pa.array(columns[field.name], field.type, from_pandas=True)
+
+    return pa.table([array(field) for field in schema], schema=schema)
 
 
 def table_bytes(table: pa.Table) -> bytes:
@@ -30,12 +41,17 @@ def table_from(data: bytes, path: Path, schema: pa.Schema, error: Raises = RunFo
     **Arguments:** `path`, the name of the file in messages; `schema`, whose columns the table must have;
     `error`, the class to raise.
 
-    **Raises:** `error` if the content is no Parquet file, or lacks a column.
+    Nullable columns of the schema that the table lacks are added, as nulls.
+
+    **Raises:** `error` if the content is no Parquet file, or lacks another column.
     """
     try:
         table = pq.read_table(pa.BufferReader(data))
     except (pa.ArrowException, OSError) as failure:
         raise error(f"{path} is damaged: {failure}") from None
-    if missing := [name for name in schema.names if name not in table.column_names]:
-        raise error(f"{path} lacks the column {missing[0]!r}")
+    missing = [field for field in schema if field.name not in table.column_names]
+    if required := [field.name for field in missing if not field.nullable]:
+        raise error(f"{path} lacks the column {required[0]!r}")
+    for field in missing:
+        table = table.append_column(field, pa.nulls(len(table), field.type))
     return table

@@ -27,18 +27,25 @@ class ActorCritic(eqx.Module):
     value_weight: Float[Array, " second"]
     value_bias: Float[Array, ""]
     log_std: Float[Array, " actions"]
-    """log σ of the policy; does not depend on the state."""
+    """log σ of the policy; does not depend on the state. With `value_bias` last: see `ppo.learn`."""
 
     def __call__(
         self, observations: Float[Array, "observations batch"]
     ) -> tuple[Float[Array, "actions batch"], Float[Array, " batch"]]:
         """The policy's mean action and the value, for every column of `observations`."""
+        means, values = self.without_value_bias(observations)
+        return means, values + self.value_bias
+
+    def without_value_bias(
+        self, observations: Float[Array, "observations batch"]
+    ) -> tuple[Float[Array, "actions batch"], Float[Array, " batch"]]:
+        """The policy's mean action and the value less `value_bias`, for every column of `observations`."""
         first = self.second_weight.shape[2]
         hidden = jnp.tanh(self.first_weight @ observations + self.first_bias[:, None])
         hidden = jnp.tanh(self.second_weight @ hidden.reshape(2, first, -1) + self.second_bias[:, :, None])
         policy_features, value_features = hidden
         means = self.mean_weight @ policy_features + self.mean_bias[:, None]
-        return means, self.value_weight @ value_features + self.value_bias
+        return means, self.value_weight @ value_features
 
     def actor(self) -> Callable[[Float[Array, " observations"]], Float[Array, " actions"]]:
         """The policy's mean action in one state, as a function; the value network is not run.

@@ -74,6 +74,47 @@ class Episodes(eqx.Module):
     fell: Bool[Array, "*steps"]
 
 
+class Diagnostics(eqx.Module):
+    """How an update went, by the definitions of stable-baselines3 2.9 (`PPO.train`).
+
+    Over the samples t of a minibatch, with the networks before its step of Adam, the advantages A_t
+    normalised in the minibatch, and ρ_t = π(a_t | s_t) / π_old(a_t | s_t):
+
+        approx_kl          = mean (ρ_t − 1 − log ρ_t)
+        clip_fraction      = mean 1[|ρ_t − 1| > ε]
+        value_loss         = mean (R_t − V(s_t))²
+        policy_loss        = −mean min(ρ_t A_t, clip(ρ_t, 1 ± ε) A_t)
+        entropy            = H(π(· | s_t)) = Σ_i (log σ_i + ½ log 2πe)
+
+    Each is the mean over the minibatches of all epochs; `approx_kl`, of the last epoch only. Of the whole
+    rollout, with the values V before the update, and of the policy after it:
+
+        explained_variance = 1 − Var(R_t − V(s_t)) / Var(R_t)
+        std                = mean σ_i
+
+    Sources: Schulman et al., 2017, eqs. 6, 7 and 9; for `approx_kl`, the estimator k₃ of KL(π_old ‖ π) in
+    J. Schulman, "Approximating KL divergence" (2020).
+    """
+
+    approx_kl: Float[Array, ""]
+    clip_fraction: Float[Array, ""]
+    explained_variance: Float[Array, ""]
+    """1: the values predict the returns; 0: no better than a constant. NaN if all returns are equal."""
+    value_loss: Float[Array, ""]
+    policy_loss: Float[Array, ""]
+    entropy: Float[Array, ""]
+    std: Float[Array, ""]
+
+
+class Predictions(eqx.Module):
+    """What is kept of a minibatch for `Diagnostics`, from before its step of Adam."""
+
+    log_ratios: Float[Array, "*minibatches batch"]
+    """log ρ_t, see `loss`."""
+    values: Float[Array, "*minibatches batch"]
+    """V(s_t) less the bias of the value network's last layer."""
+
+
 class Batch(eqx.Module):
     """What the learner sees of a rollout or a minibatch; samples are columns (see `ActorCritic`)."""
 
@@ -104,21 +145,24 @@ def init(key: PRNGKeyArray, task: Task, config: PPOConfig) -> TrainState:
     )
 
 
-def update_lanes(tasks: Task, config: PPOConfig, states: TrainState) -> tuple[TrainState, Episodes]:
+def update_lanes(
+    tasks: Task, config: PPOConfig, states: TrainState
+) -> tuple[TrainState, Episodes, Diagnostics]:
     """One PPO update of every lane; `tasks` and `states` are stacked over lanes.
 
     The physics of all lanes advances side by side, which fills the processor's vectors; learning takes one
     lane after another, so that its weights stay in the cache.
     """
     states, rollouts, episodes = jax.vmap(partial(collect, config=config))(tasks, states)
-    states = lax.map(lambda lane: improve(config, *lane), (states, rollouts))
-    return states, episodes
+    states, diagnostics = lax.map(lambda lane: improve(config, *lane), (states, rollouts))
+    return states, episodes, diagnostics
 
 
-def update(task: Task, config: PPOConfig, state: TrainState) -> tuple[TrainState, Episodes]:
+def update(task: Task, config: PPOConfig, state: TrainState) -> tuple[TrainState, Episodes, Diagnostics]:
     """One PPO update of one lane."""
     state, rollout, episodes = collect(task, state, config)
-    return improve(config, state, rollout), episodes
+    state, diagnostics = improve(config, state, rollout)
+    return state, episodes, diagnostics
 
 
 def collect(task: Task, state: TrainState, config: PPOConfig) -> tuple[TrainState, Rollout, Episodes]:
@@ -158,7 +202,7 @@ def collect(task: Task, state: TrainState, config: PPOConfig) -> tuple[TrainStat
     return state, rollout, episodes
 
 
-def improve(config: PPOConfig, state: TrainState, rollout: Rollout) -> TrainState:
+def improve(config: PPOConfig, state: TrainState, rollout: Rollout) -> tuple[TrainState, Diagnostics]:
     """Advantages, fresh permutations, and `n_epochs` passes over the rollout."""
     values, next_values = values_of(state.networks, rollout)
     ended = rollout.terminated | rollout.truncated
@@ -174,8 +218,9 @@ def improve(config: PPOConfig, state: TrainState, rollout: Rollout) -> TrainStat
     )
     key, permutation_key = jax.random.split(state.key)
     permutations = random_permutations(permutation_key, config.n_epochs, config.n_steps)
-    networks, adam = learn(state.networks, state.adam, batch, permutations, config)
-    return replace(state, networks=networks, adam=adam, key=key, num_updates=state.num_updates + 1)
+    networks, adam, diagnostics = learn(state.networks, state.adam, batch, permutations, config)
+    state = replace(state, networks=networks, adam=adam, key=key, num_updates=state.num_updates + 1)
+    return state, diagnostics
 
 
 def values_of(
@@ -212,20 +257,58 @@ def learn(
     batch: Batch,
     permutations: Int[Array, "epochs batch"],
     config: PPOConfig,
-) -> tuple[ActorCritic, Adam]:
+) -> tuple[ActorCritic, Adam, Diagnostics]:
     """Adam on the clipped surrogate: an epoch a permutation of the batch, a step a minibatch."""
     parameters, unravel = ravel_pytree(networks)
+    num_last = 1 + networks.log_std.size  # the value's bias and log σ end the vector
 
     def epoch(carry, permutation):
-        return lax.scan(minibatch, carry, minibatches(batch, permutation, config))
+        samples = minibatches(batch, permutation, config)
+        last_before = carry[0][-num_last:]
+        carry, (predictions, last) = lax.scan(minibatch, carry, samples)
+        last = jnp.concatenate([last_before[None], last[:-1]])
+        return carry, epoch_means(predictions, last, samples, config)
 
     def minibatch(carry, samples):
         parameters, adam = carry
-        gradient = jax.grad(loss)(unravel(parameters), samples, config)
-        return adam_step(parameters, adam, ravel_pytree(gradient)[0], config), None
+        gradient, predictions = jax.grad(loss, has_aux=True)(unravel(parameters), samples, config)
+        parameters, adam = adam_step(parameters, adam, ravel_pytree(gradient)[0], config)
+        # Kept are the new ones: the old ones are overwritten, and reading any of them once more, be it only
+        # for the diagnostics, would make the compiler copy them all.
+        return (parameters, adam), (predictions, parameters[-num_last:])
 
-    (parameters, adam), _ = lax.scan(epoch, (parameters, adam), permutations)
-    return unravel(parameters), adam
+    (parameters, adam), means = lax.scan(epoch, (parameters, adam), permutations)
+    networks = unravel(parameters)
+    diagnostics = Diagnostics(
+        **{name: epochs.mean() for name, epochs in means.items()} | {"approx_kl": means["approx_kl"][-1]},
+        explained_variance=explained_variance(batch),
+        std=jnp.exp(networks.log_std).mean(),
+    )
+    return networks, adam, diagnostics
+
+
+def epoch_means(
+    predictions: Predictions, last: Float[Array, "minibatches last"], samples: Batch, config: PPOConfig
+) -> dict[str, Float[Array, ""]]:
+    """The `Diagnostics` of minibatches, by name, as means over an epoch.
+
+    **Arguments:** of each of the epoch's minibatches, `predictions`, the value's bias and log σ before its
+    step, in `last`, and `samples`.
+    """
+    ratios, values = jnp.exp(predictions.log_ratios), predictions.values + last[:, :1]
+    return {
+        "approx_kl": (ratios - 1 - predictions.log_ratios).mean(),
+        "clip_fraction": (jnp.abs(ratios - 1) > config.clip_range).mean(dtype=ratios.dtype),
+        "value_loss": jnp.square(samples.returns - values).mean(),
+        "policy_loss": -clipped_surrogates(ratios, samples.advantages, config).mean(),
+        "entropy": gaussian_entropy(last[:, 1:].T).mean(),
+    }
+
+
+def explained_variance(batch: Batch) -> Float[Array, ""]:
+    """1 − Var(R − V) / Var(R) with the values V = R − A before the update; NaN if all returns are equal."""
+    variance = jnp.var(batch.returns)
+    return jnp.where(variance == 0, jnp.nan, 1 - jnp.var(batch.advantages) / variance)
 
 
 def minibatches(batch: Batch, permutation: Int[Array, " batch"], config: PPOConfig) -> Batch:
@@ -241,8 +324,8 @@ def minibatches(batch: Batch, permutation: Int[Array, " batch"], config: PPOConf
     return eqx.tree_at(lambda b: b.advantages, pieces, (pieces.advantages - mean) / (deviation + 1e-8))
 
 
-def loss(networks: ActorCritic, samples: Batch, config: PPOConfig) -> Float[Array, ""]:
-    """What a minibatch asks to be made small; the mean is over its samples t.
+def loss(networks: ActorCritic, samples: Batch, config: PPOConfig) -> tuple[Float[Array, ""], Predictions]:
+    """The loss of a minibatch, and the predictions it rests on; the mean is over its samples t.
 
         ρ_t = π(a_t | s_t) / π_old(a_t | s_t)
         L = −mean min(ρ_t A_t, clip(ρ_t, 1 ± ε) A_t) + c_v mean (R_t − V(s_t))² − c_e mean H(π(· | s_t))
@@ -252,18 +335,28 @@ def loss(networks: ActorCritic, samples: Batch, config: PPOConfig) -> Float[Arra
     last term is Jacobian regularisation (Hoffman, Roberts & Yaida, 2019, arXiv 1908.02729, eq. 4) of the
     mean action μ before it is squashed.
     """
-    means, values = networks(samples.observations)
+    means, values_less_bias = networks.without_value_bias(samples.observations)
+    values = values_less_bias + networks.value_bias
     log_std = networks.log_std
     standardised = (samples.actions - means) * jnp.exp(-log_std)[:, None]
-    ratio = jnp.exp(gaussian_log_probability(standardised, log_std) - samples.log_probabilities)
-    clipped = jnp.clip(ratio, 1 - config.clip_range, 1 + config.clip_range)
-    surrogate = jnp.minimum(ratio * samples.advantages, clipped * samples.advantages).mean()
+    log_ratios = gaussian_log_probability(standardised, log_std) - samples.log_probabilities
+    predictions = Predictions(log_ratios, values_less_bias)
+    surrogate = clipped_surrogates(jnp.exp(log_ratios), samples.advantages, config).mean()
     value_loss = jnp.square(samples.returns - values).mean()
-    entropy = jnp.sum(log_std + 0.5 * log(2 * pi) + 0.5)
+    entropy = gaussian_entropy(log_std)
     whole = -surrogate + config.vf_coef * value_loss - config.ent_coef * entropy
     if not config.jacobian_penalty:  # the program, and so every bit, is as if there were no such term
-        return whole
-    return whole + config.jacobian_penalty * squared_slope(networks, samples.observations).mean()
+        return whole, predictions
+    penalty = squared_slope(networks, samples.observations).mean()
+    return whole + config.jacobian_penalty * penalty, predictions
+
+
+def clipped_surrogates(
+    ratios: Float[Array, "*batch"], advantages: Float[Array, "*batch"], config: PPOConfig
+) -> Float[Array, "*batch"]:
+    """min(ρ A, clip(ρ, 1 ± ε) A) of every sample (eq. 7 of the paper, before the mean)."""
+    clipped = jnp.clip(ratios, 1 - config.clip_range, 1 + config.clip_range)
+    return jnp.minimum(ratios * advantages, clipped * advantages)
 
 
 def squared_slope(
@@ -282,6 +375,11 @@ def gaussian_log_probability(
     """log N(a; μ, σ²) of independent components, from (a − μ) / σ."""
     normalisation = jnp.sum(log_std) + 0.5 * log(2 * pi) * log_std.size
     return -0.5 * jnp.sum(jnp.square(standardised), axis=0) - normalisation
+
+
+def gaussian_entropy(log_std: Float[Array, "actions *batch"]) -> Float[Array, "*batch"]:
+    """H = Σ_i (log σ_i + ½ log 2πe) of independent components."""
+    return jnp.sum(log_std + 0.5 * log(2 * pi) + 0.5, axis=0)
 
 
 def adam_step(

@@ -36,6 +36,17 @@ _NOT_SETTINGS = {
     "_init_setup_model",
 }
 _AT_LEAST_ONE = ("batch_size", "buffer_size", "n_epochs", "policy_delay", "target_update_interval")
+_LOGGED = {
+    "approx_kl": "approx_kl",
+    "clip_fraction": "clip_fraction",
+    "explained_variance": "explained_variance",
+    "value_loss": "value_loss",
+    "critic_loss": "value_loss",
+    "policy_gradient_loss": "policy_loss",
+    "actor_loss": "policy_loss",
+    "std": "std",
+}
+"""What a diagnostic of `ppo.Diagnostics` is called in the loggers of the algorithms, under `train/`."""
 _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
@@ -158,6 +169,21 @@ class Learner:
                 )
             self._begun = True
         between()
+
+    def diagnostics(self) -> dict[str, float]:
+        """The latest update in the numbers of `ppo.Diagnostics` that the algorithm reports, by name.
+
+        Of SAC and TD3, `policy_loss` is the actor's loss and `value_loss` the critics'. Empty before the
+        first update, and after `restore` until the next one.
+        """
+        logger = getattr(self._model, "_logger", None)  # which `learn` sets up
+        logged: Mapping[str, Any] = logger.name_to_value if logger else {}
+        found = {
+            ours: float(logged[name]) for key, ours in _LOGGED.items() if (name := f"train/{key}") in logged
+        }
+        if (negative := logged.get("train/entropy_loss")) is not None:
+            found["entropy"] = -float(negative)
+        return found
 
     def policy(self) -> Policy:
         """What it does when it does not explore."""

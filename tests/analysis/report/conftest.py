@@ -15,7 +15,7 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.baselines import baseline
 from coachable.experiments.plan import load_plan
-from coachable.experiments.run_folder.schemas import schemas
+from coachable.experiments.run_folder.schemas import DIAGNOSTICS, schemas
 from coachable.experiments.run_folder.writer import RunFolder
 from coachable.foundation.tables import table_of
 from coachable.rewards.setup import TERM_NAMES
@@ -90,9 +90,13 @@ def made_up(plan, trajectory, seconds):
     evaluations = named(evaluations, "lane", "step", "hip_x", "foot_x", "fell", "share_in_cycle")
     nothing = np.zeros(len(evaluations["step"]))
     episodes = named(episodes, "lane", "end_step", "return")
+    reported = dict(
+        zip(DIAGNOSTICS, rng.uniform(0, 1, (len(DIAGNOSTICS), len(episodes["lane"]))), strict=True)
+    )
     return SimpleNamespace(
         evaluations=dict.fromkeys(("return", "length", *TERM_NAMES), nothing) | evaluations,
         episodes=episodes
+        | reported
         | {"length": np.ones(len(episodes["lane"])), "fell": np.zeros(len(episodes["lane"]), bool)},
         survival=named(survival, "lane", "seconds_up", "perturbed_up"),
         trajectories={name: np.concatenate([walk[name] for walk in walks]) for name in walks[0]},

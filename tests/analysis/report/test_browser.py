@@ -139,6 +139,16 @@ def test_scrubbing_moves_the_walker_the_automaton_and_all_the_rest_together(repo
             before = pictures
 
 
+def test_the_diagnostics_of_the_updates_open_as_small_charts(report, opened):
+    with opened(report) as page:
+        wait_for_walk(page)
+        page.click("#updates summary")
+        until(page, "document.querySelector('#update-charts canvas').clientWidth > 200")
+        assert page.locator("#update-charts canvas").count() == 4
+        titles = page.locator("#update-charts figcaption").all_inner_texts()
+        assert titles == ["Approximate KL", "Clip fraction", "Explained variance", "Entropy"]
+
+
 def test_it_plays_pauses_and_ends(report, opened):
     with opened(report) as page:
         wait_for_walk(page)

@@ -14,6 +14,7 @@ import pytest
 from coachable.analysis.report.formats import write
 from coachable.analysis.report.page import read_studies, render, write_report
 from coachable.analysis.report.walks import even_selection
+from coachable.experiments.run_folder.schemas import DIAGNOSTICS
 from coachable.foundation.errors import RunFolderError
 
 BIBTEX = "@software{coachable, title = {A & B <c>}}"
@@ -92,6 +93,36 @@ def test_every_lane_and_every_curve_is_that_of_the_parquet_files(several, in_nod
                 own = own[own.step <= 60_000]
                 assert own.step.tolist() == curve["steps"]
                 np.testing.assert_allclose(values, own[column], atol=2e-4)
+
+
+def test_the_diagnostics_of_the_updates_are_those_of_the_parquet_file(four, page, in_node):
+    (study,) = data_of(page)
+    episodes = pq.read_table(four / "episodes.parquet").to_pandas()
+    keys = [curve["key"] for curve in study["updates"]]
+    assert keys == ["approx_kl", "clip_fraction", "explained_variance", "entropy"]
+    expected, bands = [], []
+    for curve in study["updates"]:
+        for setup in curve["setups"]:
+            own = episodes[episodes.lane == f"{setup['name']}-0"].sort_values("end_step")
+            expected.append([own[own.end_step <= step][curve["key"]].iloc[-1] for step in curve["steps"]])
+            bands.append(setup["band"])
+    unpacked = "Promise.all(input.map(unpack)).then((all) => all.map((columns) => Array.from(columns.value)))"
+    np.testing.assert_allclose(in_node(unpacked, bands), expected, atol=1e-4)
+
+
+def test_a_run_without_diagnostics_has_no_curves_of_them(four, tmp_path):
+    older = tmp_path / "older"
+    shutil.copytree(four, older)
+    table = pq.read_table(older / "episodes.parquet")
+    pq.write_table(table.drop_columns(list(DIAGNOSTICS)), older / "episodes.parquet")
+    manifest = json.loads((older / "manifest.json").read_text())
+    manifest["files"]["episodes.parquet"] = hashlib.sha256(
+        (older / "episodes.parquet").read_bytes()
+    ).hexdigest()
+    (older / "manifest.json").write_text(json.dumps(manifest))
+    (study,) = data_of(page_of(older))
+    assert study["updates"] == []
+    assert study["curves"] == data_of(page_of(four))[0]["curves"]
 
 
 def test_a_walk_is_that_of_the_parquet_file(four, page, in_node):

@@ -32,7 +32,7 @@ async function buildCharts(studies, setupNames) {
       ...(state.paper ? curve.setups.map((setup) => setup.paper?.value ?? []) : []),
       curve.baseline === null ? [] : [curve.baseline],
     ])), state.measure);
-    charts = shown.map((study, place) => chartOf(study, curves[place], state, range, setupNames, shown.length > 1, holder));
+    charts = shown.map((study, place) => chartOf(study, curves[place], state, range, setupNames, shown.length > 1 ? `${study.label} · ${curves[place].unit}` : curves[place].unit, holder, chartHeight()));
     document.getElementById("chart-note").textContent = noteOf(curves, state, shown);
     const papers = curves.some((curve) => curve.setups.some((setup) => setup.paper));
     document.getElementById("paper-curves").disabled = !papers;
@@ -41,6 +41,32 @@ async function buildCharts(studies, setupNames) {
   new ResizeObserver(() => charts.forEach((chart) => chart.setSize({ width: chart.root.parentElement.clientWidth, height: chartHeight() }))).observe(holder);
   return draw;
 }
+
+/** Small charts of what the updates of the policies reported, where it was kept; returns what redraws them. */
+async function buildUpdateCharts(studies, setupNames) {
+  const holder = document.getElementById("update-charts");
+  const shown = studies.flatMap((study) => study.updates.map((curve) => ({ study, curve })));
+  await Promise.all(shown.flatMap(({ curve }) => curve.setups.map(async (setup) => {
+    [setup.band, setup.runs] = [await unpack(setup.band), []];
+  })));
+  document.getElementById("updates").hidden = !shown.length;
+  const state = { measure: null, wall: false, paper: false, runs: false };
+  let charts = [];
+  function draw() {
+    charts.forEach((chart) => chart.destroy());
+    holder.replaceChildren();
+    charts = shown.map(({ study, curve }) => {
+      const range = padded(extent(curve.setups.flatMap((setup) => [setup.band.low, setup.band.high, setup.band.value])), curve.key);
+      const title = studies.length > 1 ? `${curve.title} · ${study.label}` : curve.title;
+      return chartOf(study, curve, state, range, setupNames, title, holder, SMALL_HEIGHT);
+    });
+  }
+  draw();
+  new ResizeObserver(() => charts.forEach((chart) => chart.setSize({ width: chart.root.parentElement.clientWidth, height: SMALL_HEIGHT }))).observe(holder);
+  return draw;
+}
+
+const SMALL_HEIGHT = 180;
 
 function noteOf(curves, state, studies) {
   const parts = ["Lines are means over seeds, areas their pointwise 95 % intervals."];
@@ -61,10 +87,10 @@ function padded([low, high], measure) {
   return [low >= 0 ? Math.max(0, low - room) : low - room, high + room];
 }
 
-function chartOf(study, curve, state, range, setupNames, titled, holder) {
+function chartOf(study, curve, state, range, setupNames, caption, holder, height) {
   const figure = document.createElement("figure");
   const title = document.createElement("figcaption");
-  title.textContent = titled ? `${study.label} · ${curve.unit}` : curve.unit;
+  title.textContent = caption;
   const area = document.createElement("div");
   area.tabIndex = 0;
   area.setAttribute("role", "group");
@@ -81,6 +107,7 @@ function chartOf(study, curve, state, range, setupNames, titled, holder) {
   const data = [curve.steps.map(across)];
   const series = [{}];
   const bands = [];
+  const shownAs = (value) => number(value, range[1] - range[0] < 0.2 ? 4 : 2);
   const gapped = (values) => Array.from(values, (value) => (Number.isFinite(value) ? value : null));
   curve.setups.forEach((setup, place) => {
     const first = series.length;
@@ -95,14 +122,14 @@ function chartOf(study, curve, state, range, setupNames, titled, holder) {
   const axis = { stroke: colour("faint"), grid: { stroke: colour("line"), width: 1 }, ticks: { show: false }, font: "12px system-ui" };
   const chart = new uPlot({
     width: area.clientWidth,
-    height: chartHeight(),
+    height,
     legend: { show: false },
     padding: [8, 14, 0, 0],
     cursor: { y: false, points: { size: 7 }, drag: { x: false, y: false } },
     scales: { x: { time: false }, y: { range } },
     axes: [
       { ...axis, grid: { show: false }, size: 34, values: (_, ticks) => ticks.map((tick) => (state.wall ? `${number(tick, minutes * study.steps < 3 ? 1 : 0)} min` : stepsText(tick))) },
-      { ...axis, size: 44, values: (_, ticks) => ticks.map((tick) => number(tick, ticks[1] - ticks[0] < 1 ? 1 : 0)) },
+      { ...axis, size: 44, values: (_, ticks) => ticks.map((tick) => number(tick, decimals(ticks[1] - ticks[0]))) },
     ],
     series,
     bands,
@@ -124,12 +151,12 @@ function chartOf(study, curve, state, range, setupNames, titled, holder) {
       const { value, low, high, best } = setup.band;
       const swatch = document.createElement("i");
       swatch.style.background = shades[place];
-      const interval = Number.isFinite(low[row]) ? ` [${number(low[row], 2)}, ${number(high[row], 2)}]` : "";
+      const interval = Number.isFinite(low[row]) ? ` [${shownAs(low[row])}, ${shownAs(high[row])}]` : "";
       const farthest = best ? `, best ${number(best[row], 2)}` : "";
       const paper = state.paper && setup.paper ? `; paper ${number(near(setup.paper, curve.steps[row]), 2)}` : "";
       const name = document.createElement("b");
       name.textContent = setup.name;
-      item.append(swatch, name, ` ${number(value[row], 2)}${interval}${farthest}${paper}`);
+      item.append(swatch, name, ` ${shownAs(value[row])}${interval}${farthest}${paper}`);
       return item;
     }));
   }
@@ -143,6 +170,11 @@ function chartOf(study, curve, state, range, setupNames, titled, holder) {
     chart.setCursor({ left: chart.valToPos(data[0][reading], "x"), top: 10 });
   });
   return chart;
+}
+
+/** How many decimals tell ticks at this distance apart. */
+function decimals(between) {
+  return between < 1 ? Math.max(1, Math.ceil(-Math.log10(between) - 1e-9)) : 0;
 }
 
 /** The paper's value at the step nearest to this one. */

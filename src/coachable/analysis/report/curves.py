@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from coachable.analysis.report.packing import pack
 from coachable.analysis.statistics import (
     Band,
     learning_curve,
+    mean_diagnostic,
     mean_distance,
     mean_highest,
     mean_share_in_cycle,
@@ -74,6 +76,33 @@ _MEASURES = (
         lambda s: s.share_in_cycle,
     ),
 )
+
+
+_UPDATE_MEASURES = tuple(
+    _Measure(
+        key, title, unit, partial(mean_diagnostic, name=key), lambda setup, key=key: setup.diagnostics[key]
+    )
+    for key, title, unit in (
+        ("approx_kl", "Approximate KL", "KL divergence of the new policy"),
+        ("clip_fraction", "Clip fraction", "share of samples outside the clip range"),
+        ("explained_variance", "Explained variance", "share of the returns' variance"),
+        ("entropy", "Entropy", "entropy of the policy"),
+    )
+)
+
+
+def updates(runs: Measurements) -> list[dict[str, Any]]:
+    """The diagnostics of PPO's updates along the training steps, for the page; empty where there are none."""
+    return [
+        _curve(runs, measure)
+        for measure in _UPDATE_MEASURES
+        if all(_is_known(setup.diagnostics.get(measure.key)) for setup in runs.setups)
+    ]
+
+
+def _is_known(values: np.ndarray | None) -> bool:
+    """Whether every run has the diagnostic at one checkpoint at least."""
+    return values is not None and bool((~np.isnan(values)).all(axis=0).any())
 
 
 def curves(runs: Measurements) -> list[dict[str, Any]]:

@@ -6,6 +6,7 @@
   const setupNames = [...new Set(studies.flatMap((study) => study.setups))];
   const stage = buildStage(studies);
   const redrawCharts = await buildCharts(studies, setupNames);
+  const redrawUpdates = await buildUpdateCharts(studies, setupNames);
   const redrawGallery = await buildGallery(studies, setupNames, (study, lane, button) => {
     document.querySelectorAll(".seed.chosen").forEach((other) => other.classList.remove("chosen"));
     button.classList.add("chosen");
@@ -15,7 +16,7 @@
     stage.show(study, lane);
   });
 
-  const redraw = (all = false) => { stage.redraw(); redrawCharts(); redrawGallery(all); };
+  const redraw = (all = false) => { stage.redraw(); redrawCharts(); redrawUpdates(); redrawGallery(all); };
   const root = document.documentElement;
   const system = matchMedia("(prefers-color-scheme: dark)");
   const button = document.getElementById("theme");

@@ -10,7 +10,7 @@ from typing import Any
 
 from coachable.analysis.claims import Claim, decide
 from coachable.analysis.measurements import Measurements, measure, measure_so_far
-from coachable.analysis.report.curves import curves
+from coachable.analysis.report.curves import curves, updates
 from coachable.analysis.report.walks import (
     Walks,
     baseline_walk,
@@ -97,6 +97,7 @@ class StudyReport:
             "wallSeconds": self.run.manifest.get("wall_seconds") if self.complete else None,
             "setups": list(self.setup_names),
             "curves": curves(self.runs) if self.runs else [],
+            "updates": updates(self.runs) if self.runs else [],
             "lanes": lanes,
             "poses": packed_poses([self.walks.get(lane["name"]) for lane in lanes]),
             "baseline": baseline_walk(self.walks, (self.run.baseline or {}).get("controller", "")),

@@ -14,18 +14,32 @@ from coachable.rewards.setup import TERM_NAMES
 FORMAT_VERSION = 2
 READABLE = (1, 2)
 """Format versions that the reader knows. Their tables are the same but for columns that were added."""
+DIAGNOSTICS = (
+    "approx_kl",
+    "clip_fraction",
+    "explained_variance",
+    "value_loss",
+    "policy_loss",
+    "entropy",
+    "std",
+)
+"""The columns of `learning.ppo.Diagnostics`, of the update after the rollout in which an episode ended.
+
+Null where the learner does not report one, and in older tables, which lack them.
+"""
 
 
 def _columns(*columns: tuple[str, pa.DataType, str]) -> pa.Schema:
     return pa.schema(
         [
-            pa.field(name, kind, nullable=False, metadata={"unit": unit} if unit else None)
+            pa.field(name, kind, nullable=name in DIAGNOSTICS, metadata={"unit": unit} if unit else None)
             for name, kind, unit in columns
         ]
     )
 
 
 _LANE = ("lane", pa.string(), "")
+_UPDATE = [(name, pa.float32(), "") for name in DIAGNOSTICS]
 _TERMS = [(name, pa.float32(), "") for name in TERM_NAMES]
 
 
@@ -39,6 +53,7 @@ def _of_plant(plant: Plant) -> dict[str, pa.Schema]:
             ("return", pa.float32(), ""),
             ("length", pa.int32(), ""),
             ("fell", pa.bool_(), ""),
+            *_UPDATE,
         ),
         "evaluations": _columns(
             _LANE,
@@ -75,7 +90,7 @@ _PAID = (
 )
 _OF_ENVIRONMENT: Mapping[str, pa.Schema] = MappingProxyType(
     {
-        "episodes": _columns(_LANE, ("end_step", pa.int64(), ""), *_PAID),
+        "episodes": _columns(_LANE, ("end_step", pa.int64(), ""), *_PAID, *_UPDATE),
         "evaluations": _columns(
             _LANE,
             ("step", pa.int64(), ""),

@@ -84,7 +84,7 @@ class Programs:
     init: Compiled
     """key, task of one lane → its state"""
     update: Compiled
-    """tasks, states → states, episodes"""
+    """tasks, states → states, episodes, diagnostics"""
     evaluate: Compiled
     """tasks, networks → `Summary`, `Episode`"""
     survive: Compiled
@@ -106,7 +106,9 @@ def compile_programs(
         seconds_up, _ = time_up(tasks.long, policy, tasks.long.x0)
         return seconds_up, share_up(tasks.perturbed, policy, jnp.asarray(tasks.starts))
 
-    def update(tasks: WalkingTask, states: ppo.TrainState) -> tuple[ppo.TrainState, ppo.Episodes]:
+    def update(
+        tasks: WalkingTask, states: ppo.TrainState
+    ) -> tuple[ppo.TrainState, ppo.Episodes, ppo.Diagnostics]:
         return ppo.update_lanes(tasks, config, states)
 
     def init(key: jax.Array, task: WalkingTask) -> ppo.TrainState:

@@ -16,11 +16,12 @@ from coachable.experiments.experiment import Experiment, Lane, Which
 from coachable.experiments.layout import evaluation_steps, lane_key
 from coachable.experiments.log import Columns, Log
 from coachable.experiments.run_folder.checkpoint import arrays_of, load_arrays, save_arrays, tree_from
+from coachable.experiments.run_folder.schemas import DIAGNOSTICS
 from coachable.experiments.trainers.compiled import Programs, Tasks, stacked
 from coachable.foundation.errors import RunFolderError
 from coachable.learning.networks import ActorCritic
 from coachable.learning.policy import Policy
-from coachable.learning.ppo import Episodes
+from coachable.learning.ppo import Diagnostics, Episodes
 from coachable.rewards.setup import TERM_NAMES
 
 SECONDS_BETWEEN_CHECKPOINTS = 30.0
@@ -167,17 +168,18 @@ class LaneBatch:
         self._latest = self._logs["evaluations"].last(len(self.lanes))
 
     def _update(self) -> None:
-        self._states, episodes = self._programs.update(self._training, self._states)
-        self._log_episodes(jax.tree.map(np.asarray, episodes))
+        self._states, *logged = self._programs.update(self._training, self._states)
+        self._log_episodes(*jax.tree.map(np.asarray, logged))
         self.num_updates += 1
         self._evaluate_if_due()
 
-    def _log_episodes(self, episodes: Episodes) -> None:
+    def _log_episodes(self, episodes: Episodes, diagnostics: Diagnostics) -> None:
         lane, step = np.nonzero(episodes.ended)
         if len(lane):
             end_step = self.num_steps + step + 1
             columns = {"lane": lane.astype(np.int32), "end_step": end_step}
             columns |= {"return": episodes.episode_return, "length": episodes.length, "fell": episodes.fell}
+            columns |= {name: getattr(diagnostics, name)[lane] for name in DIAGNOSTICS}
             self._logs["episodes"].add(
                 {name: column if column.ndim == 1 else column[lane, step] for name, column in columns.items()}
             )

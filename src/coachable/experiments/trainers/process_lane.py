@@ -22,6 +22,7 @@ from coachable.experiments.experiment import Experiment, Lane, Which
 from coachable.experiments.layout import evaluation_steps
 from coachable.experiments.log import Columns, Log
 from coachable.experiments.run_folder.checkpoint import load_arrays, save_arrays
+from coachable.experiments.run_folder.schemas import DIAGNOSTICS
 from coachable.experiments.trainers.compiled import Tasks
 from coachable.experiments.trainers.lane_processes import Progress, Report
 from coachable.experiments.trainers.trainer import Learner, MakeEnv
@@ -85,8 +86,17 @@ class Episodes:
     """The training episodes of a lane, from all of its environments."""
 
     log: Log = field(default_factory=Log)
+    ended: list[dict[str, Any]] = field(default_factory=list)
+    """Those that ended since the last update; they are logged with the diagnostics of the next one."""
     num_steps: int = 0
     """Steps of all environments together."""
+
+    def log_ended(self, diagnostics: Mapping[str, float]) -> None:
+        """Log the episodes that ended in the rollout before an update, with that update's diagnostics."""
+        about = {name: diagnostics.get(name, np.nan) for name in DIAGNOSTICS}
+        for row in self.ended:
+            self.log.add({name: np.array([value]) for name, value in (row | about).items()})
+        self.ended.clear()
 
 
 class EpisodeLog(gymnasium.Wrapper):
@@ -129,8 +139,7 @@ class EpisodeLog(gymnasium.Wrapper):
         if terminated or truncated:
             fell = terminated if self._fell_key is None else info[self._fell_key]
             episode = {"end_step": self._episodes.num_steps, "return": self._return, "length": self._length}
-            row = {**episode, "fell": bool(fell), **self._sums}
-            self._episodes.log.add({name: np.array([value]) for name, value in row.items()})
+            self._episodes.ended.append({**episode, "fell": bool(fell), **self._sums})
         return observation, reward, terminated, truncated, {}
 
     def _begin(self) -> None:
@@ -167,6 +176,8 @@ class _Training:
     def between(self) -> None:
         """Between two updates: evaluate what is due, save what is old, report progress."""
         step = self._learner.num_steps
+        if self._episodes.ended:
+            self._episodes.log_ended(self._learner.diagnostics())
         due = [s for s in self._due if s < step + self._learner.steps_an_update]
         self._due = self._due[len(due) :]
         if due:
@@ -216,6 +227,8 @@ class _Training:
             recent = self._episodes.log.last(self._episodes.log.num_rows - self._num_noted)
             self._note(steps[-1], "training", _means(recent))
             self._num_noted = self._episodes.log.num_rows
+        if diagnostics := self._learner.diagnostics():
+            self._note(steps[-1], "update", diagnostics)
         if (score := float(np.mean(self._latest["return"]))) > self._best_return:
             self._best, self._best_return = policy, score
 
@@ -336,7 +349,7 @@ def load_lane(path: Path) -> tuple[dict[str, Columns], dict[Which, Policy]]:
 
 
 def _means(columns: Columns) -> dict[str, float]:
-    names = [name for name in columns if name not in ("end_step", "episode")]
+    names = [name for name in columns if name not in ("end_step", "episode", *DIAGNOSTICS)]
     return {name: float(np.mean(columns[name])) for name in names}
 
 

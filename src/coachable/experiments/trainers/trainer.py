@@ -141,6 +141,13 @@ class Learner(Protocol):
         """
         ...
 
+    def diagnostics(self) -> Mapping[str, float]:
+        """The latest update in those numbers of `schemas.DIAGNOSTICS` that the algorithm reports, by name.
+
+        Empty before the first update, and after `restore` until the next one.
+        """
+        ...
+
     def policy(self) -> Policy:
         """What it does when it does not explore."""
         ...
