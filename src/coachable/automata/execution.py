@@ -6,6 +6,7 @@ import enum
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -186,22 +187,12 @@ class _Executor:
         for substep in range(_NUM_SUBSTEPS):
             end = duration * (substep + 1) / _NUM_SUBSTEPS
             while elapsed < end:
-                look_ahead = self.look_ahead[id(self.automaton.activities[location])]
                 before, armed = x, [bool(guard > 0) for guard in self.look(x).guards]
-
-                def happens(
-                    h: float,
-                    location: str = location,
-                    look: Callable[..., _Look] = look_ahead,
-                    before: Array = before,
-                    armed: list[bool] = armed,
-                ) -> bool:
-                    ahead = look(before, control, h)
-                    happened = self.event_at(ahead, armed) is not None or self.falls(ahead)
-                    return happened or not self.inside(location, ahead)
-
-                h = _first(happens, end - elapsed)
-                ahead = look_ahead(before, control, h)
+                look_ahead = partial(
+                    self.look_ahead[id(self.automaton.activities[location])], before, control
+                )
+                h = _first(partial(self.happens, look_ahead, armed, location), end - elapsed)
+                ahead = look_ahead(h)
                 x, elapsed = ahead.x, end if h == end - elapsed else elapsed + h
                 if not jnp.all(jnp.isfinite(x)):
                     raise _End(Termination.NOT_FINITE, before)
@@ -239,6 +230,14 @@ class _Executor:
         self.transitions.append(Transition(time, edge))
         self.rows.append((time, after[edge].x, edge.target))
         return after[edge].x, edge.target
+
+    def happens(
+        self, look_ahead: Callable[[float], _Look], armed: Sequence[bool], location: str, h: float
+    ) -> bool:
+        """Whether within h an event happens, the plant falls, or it leaves the location."""
+        ahead = look_ahead(h)
+        happened = self.event_at(ahead, armed) is not None or self.falls(ahead)
+        return happened or not self.inside(location, ahead)
 
     def event_at(self, ahead: _Look, armed: Sequence[bool]) -> Event | None:
         """The plant's first event whose guard has fallen through zero at an admissible state."""
