@@ -6,11 +6,11 @@
     python -m bench.same_results --list                          the cases: bench/same_results.toml
 
 OLD and NEW are folders; `git worktree add ../old COMMIT` makes one. A case is a few commands of `coachable`,
-each run by this Python with the checkout's `src` first on the path, in the case's folder. All that they print,
-return and write is compared: tables and tensors to the bit, JSON by key, text by line, other files by byte.
-What only NEW has (a file, a column, a key) is reported, but is no failure. Exits 1 if anything else differs
-that is in neither `EXPECTED` nor `EXPECTED_WORDS`. Results that are kept count until the checkout's `src`, the
-case or its inputs change.
+each run by this Python with the checkout's `src` first on the path, in the case's folder. All that they
+print, return and write is compared: tables and tensors to the bit, JSON by key, text by line, other files by
+byte. What only NEW has (a file, a column, a key) is reported, but is no failure. Exits 1 if anything else
+differs that is in neither `EXPECTED` nor `EXPECTED_WORDS`. Results that are kept count until the checkout's
+`src`, the case or its inputs change.
 """
 
 from __future__ import annotations
