@@ -6,7 +6,7 @@
     python -m bench.same_results --list                          the cases: bench/same_results.toml
 
 OLD and NEW are folders; `git worktree add ../old COMMIT` makes one. A case is a few commands of `coachable`,
-run by this Python with the checkout's `src` first on the path, in a folder of its own. Everything that they
+each run by this Python with the checkout's `src` first on the path, in the case's folder. All that they
 print, return and write is compared: tables and tensors to the bit, JSON by key, text by line, other files by
 byte. What only NEW has (a file, a column, a key) is reported, but is no failure. Exits 1 if anything else
 differs that is in neither `EXPECTED` nor `EXPECTED_WORDS`. Results that are kept count until the checkout's
@@ -38,8 +38,6 @@ EXPECTED: Mapping[str, str] = {}
 
 EXPECTED_WORDS: Mapping[str, str] = {}
 """The same for text in which the words may differ, but every number must stay."""
-
-REPOSITORY = Path(__file__).parent.parent
 
 
 @dataclass(frozen=True)
@@ -97,12 +95,22 @@ class Side:
         folder.mkdir(parents=True)
         for source in self._sources(case):
             (shutil.copytree if source.is_dir() else shutil.copy)(source, folder / source.name)
-        since = time.perf_counter()
-        words = {"CHECKOUT": str(self.checkout), "STUDY": self.study}
-        commands = [re.sub("|".join(words), lambda word: words[word[0]], line) for line in case.commands]
-        done = _python(["-m", "bench.commands", *commands], self.checkout, folder)
-        if done.returncode:
-            return _end(done.stderr)
+        since, statuses = time.perf_counter(), []
+        names = {"CHECKOUT": str(self.checkout), "STUDY": self.study}
+        for number, command in enumerate(case.commands, start=1):
+            words = re.sub("|".join(names), lambda name: names[name[0]], command).split()
+            # A process of its own: the states that Z3 finds depend on what it was given before.
+            done = _python(["-m", "coachable.cli", *words], self.checkout, folder)
+            # Negative verdicts have exit status 1, and so has what Python does not catch.
+            if done.returncode not in (0, 1) or "Traceback" in done.stderr:
+                return f"coachable {' '.join(words)}: exit status {done.returncode}: {_end(done.stderr)}"
+            verb, suffix = (
+                command.split()[0].replace("STUDY", "train"),
+                "json" if "--json" in words else "txt",
+            )
+            (folder / f"printed-{number:02d}-{verb}.{suffix}").write_text(done.stdout, encoding="utf-8")
+            statuses.append(f"{number:02d} {verb}: {done.returncode}\n")
+        (folder / "exit-status.txt").write_text("".join(statuses), encoding="utf-8")
         stamp.write_text(key, encoding="utf-8")
         print(f"{self.name} {name}: {time.perf_counter() - since:.0f} s", file=sys.stderr, flush=True)
         return ""
@@ -205,9 +213,8 @@ def _shown(lines: Sequence[str], every: bool) -> str:
 def _python(
     words: Sequence[str], checkout: Path, folder: Path | None = None
 ) -> subprocess.CompletedProcess[str]:
-    path = os.pathsep.join((str(checkout / "src"), str(REPOSITORY)))
     # Text is laid out for a terminal of this width, without colour.
-    variables = os.environ | {"PYTHONPATH": path, "COLUMNS": "100", "NO_COLOR": "1"}
+    variables = os.environ | {"PYTHONPATH": str(checkout / "src"), "COLUMNS": "100", "NO_COLOR": "1"}
     command, stdin = [sys.executable, *words], subprocess.DEVNULL
     return subprocess.run(command, cwd=folder, env=variables, stdin=stdin, capture_output=True, text=True)
 
