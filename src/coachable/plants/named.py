@@ -39,11 +39,8 @@ def plant_class(name: str) -> type[Plant]:
             f"plant {name!r}: the module {module_name!r} cannot be imported: {error}"
         ) from None
     found = getattr(module, attribute, None)
-    if not (isinstance(found, type) and issubclass(found, Plant)):
-        plants = [
-            key for key, value in vars(module).items() if isinstance(value, type) and issubclass(value, Plant)
-        ]
-        hint = suggestion(attribute, plants)
+    if not _is_plant(found):
+        hint = suggestion(attribute, [key for key, value in vars(module).items() if _is_plant(value)])
         raise ParameterError(f"plant {name!r}: {module_name!r} has no plant class {attribute!r}; {hint}")
     return found
 
