@@ -10,7 +10,7 @@ import pytest
 
 from coachable import cli
 from coachable.behaviours.text.document import formatted_file
-from coachable.experiments import sb3_lane, training_runner
+from coachable.experiments.trainers import environment_trainer, process_lane
 
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")
@@ -48,8 +48,8 @@ def test_its_commands_run(folder, monkeypatch, capsys):
     for module in ("mujoco", "stable_baselines3", "onnx"):
         pytest.importorskip(module)
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(sb3_lane, "SECONDS_BETWEEN_CHECKPOINTS", 1e9)
-    monkeypatch.setattr(training_runner, "run_lanes", one_after_another)
+    monkeypatch.setattr(process_lane, "SECONDS_BETWEEN_CHECKPOINTS", 1e9)
+    monkeypatch.setattr(environment_trainer, "run_lanes", one_after_another)
     commands = [line for kind, _, text in BLOCKS if kind == "sh" for line in text.splitlines()]
     assert len(commands) == 5
     for command in commands:
@@ -63,9 +63,9 @@ def test_its_commands_run(folder, monkeypatch, capsys):
     assert all(f"| {setup} |" in table for setup in ("alone", "both", "described"))
 
 
-def one_after_another(works, num_workers, hear, watch):
+def one_after_another(works, num_workers, received, watch):
     for index, work in enumerate(works):
-        work.run(lambda news, index=index: hear(index, news))
+        work.run(lambda progress, index=index: received(index, progress))
 
 
 @pytest.mark.parametrize("target", sorted(set(re.findall(r"\]\(((?!https:)[^)#]+)\)", GUIDE))))

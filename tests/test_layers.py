@@ -38,7 +38,9 @@ READERS_MAY_USE = (
     "coachable.behaviours",
     "coachable.drawing",
     "coachable.diagram.draw",
+    "coachable.experiments.experiment",
     "coachable.experiments.run_folder.reader",
+    "coachable.experiments.run_folder.schemas",
 )
 
 LANGUAGE = {"lark", "z3", "rich"}

@@ -17,7 +17,7 @@ from coachable.envs.gymnasium_env import PlantEnv
 from coachable.envs.start_distribution import Start
 from coachable.envs.walking_task import make_task
 from coachable.foundation.errors import BehaviourError, MissingExtraError, ParameterError
-from coachable.plants.compass import START, CompassParameters
+from coachable.plants.compass import START, CompassParameters, CompassWalker
 from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, RewardSetup
 
 ID = "coachable/CompassWalker-v0"
@@ -141,12 +141,12 @@ def test_noise_has_the_scale_that_was_asked_for():
     generator = np.random.default_rng(0)
     scales = np.array([0.1, 0.2, 0.3, 0.4])
     for distribution, spread in (("normal", scales), ("uniform", scales / np.sqrt(3))):
-        start = Start(tuple(scales), distribution)
+        start = Start(CompassWalker(), tuple(scales), distribution)
         drawn = np.stack([start.draw(generator) for _ in range(4000)])
         np.testing.assert_allclose(drawn.mean(axis=0), START, atol=0.03)
         np.testing.assert_allclose(drawn.std(axis=0), spread, rtol=0.05)
         assert np.all(np.abs(drawn) <= start.largest)
-    box = np.stack([Start(0.1, "uniform").draw(generator) for _ in range(1000)])
+    box = np.stack([Start(CompassWalker(), 0.1, "uniform").draw(generator) for _ in range(1000)])
     assert np.abs(box - START).max() <= 0.1 + 1e-6
 
 

@@ -138,13 +138,13 @@ def test_a_description_with_errors_is_said_to_have_them_before_it_is_trained(cap
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.parametrize("command", [["train", "plan.toml"], ["train", "--settings", "plan.toml"]])
+@pytest.mark.parametrize("command", [["train", "plan.toml"], ["train", "demo", "--settings", "plan.toml"]])
 def test_a_plan_that_is_no_text_is_refused(capsys, tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plan.toml").write_bytes(b"\xff\xfe")
     _, err, status = run(capsys, *command)
     assert status == 2
-    assert "plan.toml cannot be read" in err
+    assert "plan.toml is damaged: it is not text in UTF-8" in err
 
 
 def test_options_reach_the_plan(capsys, small_run, small_plan):

@@ -139,7 +139,7 @@ def test_a_ctrl_c_while_a_process_is_starting_waits_until_that_can_be_stopped(tm
 def test_a_lane_saves_and_ends_when_its_parent_is_killed(tmp_path):
     program = (
         "import os, pathlib, sys\n"
-        "from coachable.experiments.lane_processes import run_lanes\n"
+        "from coachable.experiments.trainers.lane_processes import run_lanes\n"
         "from tests.experiments.test_lane_processes import Count, nothing\n"
         "work = Count(pathlib.Path(sys.argv[1]), 'waits')\n"
         "run_lanes([work], 1, lambda index, progress: os.kill(os.getpid(), 9), nothing)\n"

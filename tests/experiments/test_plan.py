@@ -19,7 +19,7 @@ from coachable.experiments.trainers.ppo import PPO
 from coachable.experiments.trainers.stable_baselines3 import StableBaselines3
 from coachable.foundation.errors import BehaviourError, ParameterError, PlanError
 from coachable.learning.config import PPOConfig
-from coachable.plants.compass import CompassParameters
+from coachable.plants.compass import CompassParameters, CompassWalker
 from coachable.rewards.setup import PAPER_SETUPS, DescribedSetup, RewardSetup
 
 WALKING = load_behaviour("compass-walking")
@@ -40,7 +40,9 @@ plan_fields = st.fixed_dictionaries(
         "first_seed": st.integers(0, 10**6),
         "num_seeds": st.integers(1, 1000),
         "setups": st.lists(setups, min_size=1, max_size=4, unique_by=lambda s: s.name).map(tuple),
-        "plant": st.builds(CompassParameters, positive, positive, positive, positive, positive),
+        "plant": st.builds(
+            CompassWalker, st.builds(CompassParameters, positive, positive, positive, positive, positive)
+        ),
         "ppo": st.builds(
             PPOConfig,
             learning_rate=positive,
@@ -92,7 +94,7 @@ def test_the_plans_that_ship_are_the_papers():
     paper, hundred = load_plan("paper"), load_plan("paper-100")
     assert paper == Experiment(
         name="paper",
-        problem=PlantProblem(behaviour=WALKING),
+        problem=PlantProblem(behaviour=WALKING, plant=CompassWalker()),
         setups=tuple(PAPER_SETUPS.values()),
         trainer=PPO(),
         described_by="compass-walking",
@@ -227,7 +229,7 @@ def test_a_plan_for_an_environment_has_defaults_for_the_rest():
     assert isinstance(experiment.problem, EnvironmentProblem)
     assert experiment.seeds == range(7, 9)
     assert [setup.weight for setup in experiment.setups] == [0.0, 0.5, 1.0]
-    assert experiment.setup("both").append_phase
+    assert experiment.setup("both").observe == "memory"
     assert experiment.setup("described").terms == {"reward_survive": 1}
     assert experiment.trainer.name == "sb3-ppo"
     assert experiment.evaluation_episodes == 5

@@ -100,7 +100,7 @@ def facts_of_start(state: WalkingState, phase: Int[Array, "*walkers"]) -> Facts:
     return {
         "phase": np.array(phase),
         "hip_x": hip_x,
-        "foot_x": np.array(state.foot_x),
+        "foot_x": np.array(state.walk.foot_x),
         "time": np.zeros_like(hip_x),
         "fell": np.zeros(hip_x.shape, bool),
         "terms": np.zeros((*hip_x.shape, len(TERM_NAMES)), hip_x.dtype),

@@ -27,9 +27,9 @@ class StepFacts(eqx.Module):
     """p_{t−1}^x [m]."""
     foot_x: Float[Array, ""]
     """Where the stance foot is after the step [m]."""
-    control: Float[Array, "2"]
+    control: Float[Array, " control"]
     """u_t: the torques applied during the step (ankle, hip) [N m]."""
-    previous_control: Float[Array, "2"]
+    previous_control: Float[Array, " control"]
     """u_{t−1} [N m]."""
     first: Bool[Array, ""]
     """Whether this is the first step of its episode."""
@@ -48,7 +48,7 @@ def r_for(hip_x: Float[Array, ""], previous_hip_x: Float[Array, ""]) -> Float[Ar
 
 
 def r_jerk(
-    control: Float[Array, "2"], previous_control: Float[Array, "2"], semantics: Semantics
+    control: Float[Array, " control"], previous_control: Float[Array, " control"], semantics: Semantics
 ) -> Float[Array, ""]:
     """How much the torques changed.
 
