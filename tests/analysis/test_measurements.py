@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coachable.analysis.measurements import Measurements, SetupRuns, measure, measure_tables
-from coachable.behaviours.library import load_behaviour
 from coachable.experiments.plan import load_plan
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.run_folder.schemas import schemas
@@ -154,7 +153,7 @@ def test_a_run_folder_gives_what_its_tables_do(tmp_path, tables):
         }
         pq.write_table(pa.table(columns).cast(schemas(plan.problem)[name]), tmp_path / f"{name}.parquet")
     manifest = {"status": "complete", "baseline": baseline, "files": {}}
-    run = Run(tmp_path, plan, load_behaviour(plan.behaviour), manifest)
+    run = Run(tmp_path, plan, manifest)
     expected = measure_tables(plan, baseline, evaluations, episodes, survival)
     found = measure(run)
     assert found.setup_names == ("sparse", "mine")

@@ -136,7 +136,7 @@ def falling_step(semantics):
     task = make_task(SETUP, semantics)
     x, foot_x = jnp.array([1.55, 0.2, 3.0, 0.0]), jnp.array(0.7)
     before = eqx.tree_at(
-        lambda s: (s.x, s.observation, s.foot_x, s.hip_x, s.num_steps),
+        lambda s: (s.walk.x, s.observation, s.walk.foot_x, s.hip_x, s.walk.num_steps),
         task.init(),
         (x, x, foot_x, task.plant.base(x, foot_x)[0], jnp.asarray(9, jnp.int32)),
     )
@@ -186,10 +186,10 @@ def test_the_touchdown_clock_samples_at_touchdowns(semantics):
             touchdowns += 1
             assert 0 < lasted < 0.01
             np.testing.assert_allclose(timestep.observation[0], -timestep.observation[1], atol=1e-12)
-            assert state.touchdowns_in_a_row == 1
+            assert state.walk.touchdowns_in_a_row == 1
         else:
             np.testing.assert_allclose(lasted, 0.01, rtol=1e-10)
-            assert state.touchdowns_in_a_row == 0
+            assert state.walk.touchdowns_in_a_row == 0
     assert touchdowns >= 3
     assert times[-2] < 3.0 <= times[-1]
     assert not timestep.fell
@@ -204,7 +204,7 @@ def test_a_third_touchdown_in_a_row_is_chatter_on_the_touchdown_clock(semantics)
 
     def with_touchdowns(count):
         state = eqx.tree_at(
-            lambda s: (s.x, s.observation, s.touchdowns_in_a_row),
+            lambda s: (s.walk.x, s.observation, s.walk.touchdowns_in_a_row),
             task.init(),
             (about_to_touch_down, about_to_touch_down, jnp.asarray(count, jnp.int32)),
         )
@@ -278,7 +278,7 @@ def test_numbers_keep_the_precision_the_task_was_made_in(semantics, x64_on):
 def test_the_reward_variant_can_be_chosen():
     def orthant_of_second_step_in_o1(variant):
         task = make_task(SETUP, reward_variant=variant)
-        inside = eqx.tree_at(lambda s: s.x, task.init(), jnp.array([0.2, -0.1, -1.0, 1.0]))
+        inside = eqx.tree_at(lambda s: s.walk.x, task.init(), jnp.array([0.2, -0.1, -1.0, 1.0]))
         state, entered = eqx.filter_jit(task.step)(inside, jnp.zeros(2))
         _, stayed = eqx.filter_jit(task.step)(state, jnp.zeros(2))
         return [float(timestep.terms[TERM_NAMES.index("orthant")]) for timestep in (entered, stayed)]

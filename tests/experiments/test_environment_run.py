@@ -329,7 +329,7 @@ def test_a_damaged_run_is_refused_with_the_file(run, tmp_path):
     with pytest.raises(RunFolderError, match=r"evaluations\.parquet is damaged"):
         Run.open(copy).columns("evaluations")
     (copy / "manifest.json").write_text(json.dumps(manifest | {"files": []}))
-    with pytest.raises(RunFolderError, match=r"manifest\.json is damaged: 'files' cannot be \[\]"):
+    with pytest.raises(RunFolderError, match=r"manifest\.json is damaged: files must be a table, got \[\]"):
         Run.open(copy)
     del manifest["reward_hashes"]
     (copy / "manifest.json").write_text(json.dumps(manifest))

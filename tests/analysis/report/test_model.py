@@ -24,6 +24,6 @@ def test_hip_and_swing_foot_are_where_the_plant_has_them(in_node):
         np.stack([theta_1, theta_2, foot_x], axis=-1).tolist(),
     )
     x = jnp.stack([theta_1, theta_2, jnp.zeros(20), jnp.zeros(20)], axis=-1)
-    for name, place in (("hip", plant.hip), ("swing", plant.swing_foot)):
+    for name, place in (("hip", plant.base), ("swing", plant.swing_foot)):
         expected = jax.vmap(place)(x, jnp.asarray(foot_x))
         np.testing.assert_allclose([part[name] for part in parts], expected, atol=1e-12)

@@ -169,7 +169,7 @@ def test_it_says_where_it_comes_from(page, four):
     ):
         assert said in page
     assert "coachable train plan.toml --out runs/four" in page
-    assert "hidden_sizes = [64, 64]" in page
+    assert re.search(r"hidden_sizes = \[\s*64,\s*64,?\s*\]", page)
     assert "passport" not in page
 
 
