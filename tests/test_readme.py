@@ -36,7 +36,7 @@ def test_the_plan_is_a_plan(tmp_path):
     path.write_text(text, encoding="utf-8")
     plan = load_plan(path)
     assert [setup.name for setup in plan.setups] == ["orthant", "gentle"]
-    assert plan.plant.hip_mass == 2.0
+    assert plan.problem.plant.parameters.hip_mass == 2.0
     assert len(plan.lanes) == 16
 
 

@@ -64,7 +64,7 @@ _HOMES = {
     "Run": "experiments.run_folder.reader",
     "Trajectory": "envs.rollout",
     "VectorBehaviourReward": "envs.vector_behaviour_reward",
-    "VirtualGravity": "plants.controllers",
+    "VirtualGravity": "plants.compass",
     "baseline": "envs.baselines",
     "citation": "analysis.citation",
     "load_behaviour": "behaviours.library",
