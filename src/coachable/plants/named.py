@@ -6,7 +6,7 @@ import importlib
 import pkgutil
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, TypeGuard
 
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
@@ -45,7 +45,7 @@ def plant_class(name: str) -> type[Plant]:
     return found
 
 
-def _is_plant(value: Any) -> bool:
+def _is_plant(value: Any) -> TypeGuard[type[Plant]]:
     return isinstance(value, type) and issubclass(value, Plant) and value is not Plant
 
 
