@@ -87,7 +87,7 @@ def test_all_walkers_are_told_in_one_table_and_not_verified_twice(capsys, two_wa
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--seed", 2], "orthant-2-last.safetensors is not there yet: the run is running"),
+        (["--seed", 2], "orthant-2-last.json is not there yet: the run is running"),
         (["--seed", 3], "orthant-3-last.safetensors is damaged"),
         (["--seed", 9], "has no seed 9"),
         (["--setup", "orthnat"], "no setup 'orthnat'; did you mean 'orthant'?"),
