@@ -161,7 +161,7 @@ def test_a_run_that_was_not_surveyed_says_what_to_do(run, tmp_path):
     from coachable.foundation.errors import RunFolderError
 
     (run.path / "gaits.parquet").rename(tmp_path / "gaits.parquet")
-    with pytest.raises(RunFolderError, match="ask `coachable gait"):
+    with pytest.raises(RunFolderError, match="measure them: coachable gait"):
         run.gaits()
 
 
