@@ -154,7 +154,7 @@ def test_whole_cycles_are_counted_by_the_second(run, walk, monkeypatch):
         each = replace(walk, trace=trace, phase=phase, follows=follows, ends=None, radii=None)
         monkeypatch.setattr(gait_survey, "recorded_walk", lambda *_, each=each: each)
         gait_survey.survey(run, 1)
-        np.testing.assert_allclose(run.gaits()["cycles"], cycles / time[-1], rtol=1e-6)
+        np.testing.assert_allclose(run.columns("gaits")["cycles"], cycles / time[-1], rtol=1e-6)
 
 
 def test_a_run_that_was_not_surveyed_says_what_to_do(run, tmp_path):
@@ -162,7 +162,7 @@ def test_a_run_that_was_not_surveyed_says_what_to_do(run, tmp_path):
 
     (run.path / "gaits.parquet").rename(tmp_path / "gaits.parquet")
     with pytest.raises(RunFolderError, match="measure them: coachable gait"):
-        run.gaits()
+        run.columns("gaits")
 
 
 @pytest.mark.parametrize("suffix", ["csv", "csv.gz", "parquet"])
