@@ -17,7 +17,7 @@ def train(
         Positional[str | None],
         arg(
             metavar="[PLAN]",
-            help="paper, paper-100, certifiable, demo, or a TOML file; options replace what it says.",
+            help="paper, paper-100, certifiable, demo, or a TOML file; options override it.",
             help_behavior_hint="",
         ),
     ] = None,
@@ -87,7 +87,7 @@ def train(
 ) -> None:
     """Train an experiment, or go on with one, and print its table.
 
-    A plan says it all, or options do; they replace what a plan says, and the resolved plan is kept in the run
+    Give a plan, or options, which override it; the resolved plan is kept in the run
     folder. Stopped at any moment, the same command goes on from the last checkpoint. For example:
 
         coachable train demo

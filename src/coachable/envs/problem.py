@@ -53,7 +53,7 @@ class Problem(abc.ABC):
 
     @property
     def policy_description(self) -> dict[str, Any]:
-        """What a policy's description says beside what its trainer knows."""
+        """Entries of a policy's description that its trainer does not know."""
         return {}
 
     @abc.abstractmethod
@@ -176,7 +176,7 @@ class EnvironmentProblem(Problem):
     signals: Mapping[str, Any] = field(default_factory=dict, hash=False)
     """Where signals are found, as `signal_sources` takes it; others are those of the pack."""
     dt: float | None = None
-    """Time between two steps [s]; by default what the environment says."""
+    """Time between two steps [s]; by default the environment's own."""
     on_nan: OnNaN = "raise"
     """What a signal that is NaN does; see `BehaviourReward`."""
 

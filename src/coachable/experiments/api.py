@@ -35,7 +35,7 @@ def train(
         plan: the name of one that ships, a TOML file, an `Experiment`, or nothing but options.
         out: the run folder, by default `runs/` and the experiment's name.
         track, progress, workers: as in `run_experiment`.
-        options: keys of a plan, which replace what it says: `env`, `behaviour`, `trainer`, `settings`,
+        options: keys of a plan, which replace its own: `env`, `behaviour`, `trainer`, `settings`,
         `steps`,
             `evaluate_every`, `seeds` (a count), `setups` (names or tables), `semantics`, `reward_variant`,
             `clock`, `plant`, `weight`, …

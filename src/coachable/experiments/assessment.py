@@ -27,7 +27,7 @@ class Assessment(abc.ABC):
     """How the policies of one lane are measured."""
 
     fell_key: str | None = None
-    """The key of an info that says whether an episode that terminated was a fall; `None` if all are."""
+    """The key of an info that holds whether an episode that terminated was a fall; `None` if all are."""
 
     @abc.abstractmethod
     def sums_of(self, info: Mapping[str, Any]) -> Mapping[str, float]:

@@ -137,29 +137,22 @@ def unstructure(value: Any, derived: Derived = types.MappingProxyType({})) -> An
 
 
 class _Misfit(Exception):
-    """Data that does not fit its declared type."""
+    """Data that does not fit its declared type: what is wrong with it, without its key."""
 
     def at(self, where: str) -> str:
         """The message for data at this key."""
-        raise NotImplementedError
+        return f"{where or 'it'} {self}"
 
 
 class _WrongKind(_Misfit):
     def __init__(self, expected: str, data: Any):
-        self.expected, self.data = expected, data
-
-    def at(self, where: str) -> str:
-        shown = repr(self.data)
-        shown = shown if len(shown) < 80 else f"{shown[:77]}…"
-        return f"{where or 'it'} must be {self.expected}, got {shown}"
+        self.expected, shown = expected, repr(data)
+        super().__init__(f"must be {expected}, got {shown if len(shown) < 80 else f'{shown[:77]}…'}")
 
 
 class _MissingKey(_Misfit):
     def __init__(self, name: str):
-        self.name = name
-
-    def at(self, where: str) -> str:
-        return f"{where or 'it'} lacks {self.name!r}"
+        super().__init__(f"lacks {name!r}")
 
 
 class _UnknownKey(_Misfit):

@@ -131,8 +131,8 @@ part.
 def schemas(problem: Problem) -> Mapping[str, pa.Schema]:
     """The tables of a problem's runs by name.
 
-    `lane` is `setup-seed`, or a baseline's name. `fell` says that the episode ended in a fall; in a Gymnasium
-    environment, that it terminated and was not truncated. `share_in_cycle` is the share of steps in a phase.
+    `lane` is `setup-seed`, or a baseline's name. `fell`: whether the episode ended in a fall; in a Gymnasium
+    environment, whether it terminated and was not truncated. `share_in_cycle`: the share of steps in a phase.
 
     - A plant's: terms are unweighted; in `evaluations` sums over the episode, in `trajectories` of the step
       that began at `t`. `phase` counts the behaviour's phases from 0; outside all of them is their number.

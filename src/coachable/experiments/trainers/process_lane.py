@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -105,7 +106,7 @@ class EpisodeLog(gymnasium.Wrapper):
     Infos go no further: stable-baselines3 reads none of ours, but copies each of them deeply.
 
     **Arguments:** `episodes`, where they are kept; `sums_of`: from an info to numbers by name, which are
-    added up over an episode; `fell_key`, the key of an info that says whether an episode that terminated
+    added up over an episode; `fell_key`, the key of an info that holds whether an episode that terminated
     was a fall, if not all are.
     """
 
@@ -369,6 +370,8 @@ def _tracked(folder: Path | None) -> Iterator[Note]:
 
         def note(step: int, what: str, numbers: Mapping[str, float]) -> None:
             for name, number in numbers.items():
+                if not math.isfinite(number):
+                    continue  # such as the distance of an environment without positions: no point of a curve
                 writer.add_scalar(f"{what}/{name}", number, step)
 
         yield note

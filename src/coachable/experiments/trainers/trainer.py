@@ -1,4 +1,4 @@
-"""What a trainer is: a value that says which problems it can train, and trains their lanes."""
+"""What a trainer is: a value that knows which problems it can train, and trains their lanes."""
 
 from __future__ import annotations
 
