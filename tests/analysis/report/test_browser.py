@@ -233,10 +233,10 @@ def test_hovering_reads_the_values_of_the_curves(report, four, opened):
     with opened(report) as page:
         page.locator("#measure label", has_text=re.compile("^Distance$")).click()
         page.locator("#charts .u-over").hover(position={"x": 400, "y": 100})
-        where = page.locator(".legend .where")
+        where = page.locator("#charts .legend .where")
         step = int(where.inner_text().removesuffix(" steps").replace(",", ""))
         at = evaluations[evaluations.step == step]
-        legend = page.locator(".legend").inner_text()
+        legend = page.locator("#charts .legend").inner_text()
         for setup in ("sparse", "forward", "orthant", "forward+orthant"):
             value = at[at.lane == f"{setup}-0"].hip_x.item()
             assert re.search(rf"{re.escape(setup)} {value:.2f}\b", legend)
