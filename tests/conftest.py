@@ -6,6 +6,7 @@ jaxtyping's import hook is switched on by `--jaxtyping-packages` in pyproject.to
 
 import ast
 import os
+from pathlib import Path
 
 import hypothesis
 import pytest
@@ -31,6 +32,21 @@ class NamedFunctions(_import_hook.JaxtypingTransformer):
 
 
 _import_hook.JaxtypingTransformer = NamedFunctions
+
+
+def pytest_configure(config):
+    """Programs stay compiled between runs, for every worker and every process that a test starts.
+
+    The folder is the one that training uses. Its size is bounded because JAX locks only such a folder.
+    """
+    os.environ["XDG_CACHE_HOME"] = str(config.cache.mkdir("programs"))
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(Path(os.environ["XDG_CACHE_HOME"], "coachable", "jax"))
+    os.environ["JAX_COMPILATION_CACHE_MAX_SIZE"] = str(2**30)
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"
+    jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
+    jax.config.update("jax_compilation_cache_max_size", 2**30)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+
 
 hypothesis.settings.register_profile("coachable", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("coachable")

@@ -23,11 +23,20 @@ TORQUES = {
 }
 
 
+@pytest.fixture(scope="module")
+def task():
+    with jax.enable_x64(True):
+        return make_task(PAPER_SETUPS["orthant"])
+
+
+@pytest.fixture(scope="module")
+def step(task):
+    return eqx.filter_jit(task.step)
+
+
 @pytest.mark.parametrize("flow", FLOWS)
 @pytest.mark.parametrize("torques", TORQUES.values(), ids=TORQUES)
-def test_an_episode_is_the_same(flow, torques):
-    task = make_task(PAPER_SETUPS["orthant"])
-    step = eqx.filter_jit(task.step)
+def test_an_episode_is_the_same(task, step, flow, torques):
     state = task.init(jax.random.key(0))
     walker = ScipyWalker(FLOWS[flow])
     walker.reset()

@@ -23,12 +23,6 @@ hidden_sizes = [8, 8]
 
 
 @pytest.fixture(scope="session")
-def cache_folder(tmp_path_factory):
-    """Where compiled programs are kept, for this process and those it starts."""
-    return tmp_path_factory.mktemp("cache")
-
-
-@pytest.fixture(scope="session")
 def small_plan(tmp_path_factory):
     """The small experiment's plan file."""
     path = tmp_path_factory.mktemp("plans") / "small.toml"
@@ -37,11 +31,10 @@ def small_plan(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def small_run(tmp_path_factory, cache_folder, small_plan):
+def small_run(tmp_path_factory, small_plan):
     """The finished run of the small experiment; not to be written to."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(survival, "NUM_STARTS", 20)
-        patch.setenv("XDG_CACHE_HOME", str(cache_folder))
         return run_experiment(
             load_plan(small_plan), tmp_path_factory.mktemp("runs") / "small", progress=False
         )

@@ -50,7 +50,7 @@ cli.main(arguments)
 
 
 @pytest.fixture
-def study(small_plan, cache_folder):
+def study(small_plan):
     """Start the small study; it kills itself when it writes a file of that name for that many times.
 
     A checkpoint is written at every turn. Programs are compiled once for all of these processes.
@@ -60,8 +60,7 @@ def study(small_plan, cache_folder):
     def study(out, name="no such file", times=1, seconds_between_checkpoints=0.0):
         arguments = (name, times, seconds_between_checkpoints, "train", small_plan, "--out", out)
         command = [sys.executable, "-c", COMMAND_LINE_THAT_KILLS_ITSELF, *map(str, arguments)]
-        environment = os.environ | {"XDG_CACHE_HOME": str(cache_folder)}
-        started.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment))
+        started.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
         return started[-1]
 
     yield study

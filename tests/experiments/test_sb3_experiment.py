@@ -39,10 +39,8 @@ def experiment():
 
 
 @pytest.fixture(scope="module")
-def run(experiment, tmp_path_factory, cache_folder):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(cache_folder))
-        return run_experiment(experiment, tmp_path_factory.mktemp("runs") / "sb3", progress=False)
+def run(experiment, tmp_path_factory):
+    return run_experiment(experiment, tmp_path_factory.mktemp("runs") / "sb3", progress=False)
 
 
 def test_the_folder_is_that_of_every_plant(run, experiment):
