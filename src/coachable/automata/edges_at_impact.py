@@ -77,7 +77,7 @@ class Condition:
     verdict: Occurrence
     """Whether it holds after every touchdown in the edge's source."""
     before: Bound | None
-    """The same said of the velocities right before the impact, if it is linear in them."""
+    """The same as a condition on the velocities right before the impact, if it is linear in them."""
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ class Motion:
 
     @property
     def touchdowns(self) -> Int[np.ndarray, " samples"]:
-        """How many touchdowns there were up to each sample, which says which leg is which."""
+        """How many touchdowns there were up to each sample, which tells the legs apart."""
         return np.cumsum(self.touched_down)
 
     @property

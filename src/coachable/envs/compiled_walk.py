@@ -1,4 +1,4 @@
-"""The walking task compiled, for one walker or many, and what there is to tell after a step or a reset.
+"""The walking task compiled, for one walker or many, and its infos after a step or a reset.
 
 All is in float32, whatever JAX's default is. A program is compiled once for all tasks of a kind.
 """
@@ -89,13 +89,13 @@ def step_all(
 
 
 def facts_of_step(timestep: Timestep) -> Facts:
-    """What there is to tell after a step, in arrays of its own."""
+    """The info after a step, in arrays of its own."""
     names = ("phase", "hip_x", "foot_x", "time", "fell", "terms")
     return {name: np.array(getattr(timestep, name)) for name in names}
 
 
 def facts_of_start(state: WalkingState, phase: Int[Array, "*walkers"]) -> Facts:
-    """What there is to tell before the first step of an episode."""
+    """The info before the first step of an episode."""
     hip_x = np.array(state.hip_x)
     return {
         "phase": np.array(phase),

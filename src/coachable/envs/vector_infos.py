@@ -1,4 +1,4 @@
-"""The infos of vector environments, as Gymnasium has them: arrays, each with a mask of whom it tells."""
+"""The infos of vector environments, as Gymnasium has them: arrays, each with the mask of its environments."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ _OF_THE_END = ("final_obs", "_final_obs", "final_info", "_final_info")
 
 
 def masked(info: Mapping[str, Any], chosen: Bool[np.ndarray, " envs"]) -> dict[str, Any]:
-    """The info with a mask beside every entry that says for whom it is."""
-    told: dict[str, Any] = {}
+    """The info with the mask of its environments beside every entry."""
+    result: dict[str, Any] = {}
     for name, values in info.items():
-        told[name] = masked(values, chosen) if isinstance(values, dict) else values
-        told[f"_{name}"] = chosen.copy()
-    return told
+        result[name] = masked(values, chosen) if isinstance(values, dict) else values
+        result[f"_{name}"] = chosen.copy()
+    return result
 
 
 def only(info: Mapping[str, Any], chosen: Bool[np.ndarray, " envs"]) -> dict[str, Any]:
     """The info of some environments: the others' entries are 0, or None for what is no number."""
-    told: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for name, values in info.items():
         if isinstance(values, dict):
-            told[name] = only(values, chosen)
+            result[name] = only(values, chosen)
         else:
-            told[name] = np.zeros_like(values) if values.dtype != object else np.full_like(values, None)
-            told[name][chosen] = values[chosen]
-    return told
+            result[name] = np.zeros_like(values) if values.dtype != object else np.full_like(values, None)
+            result[name][chosen] = values[chosen]
+    return result
 
 
 def at_the_end(infos: Mapping[str, Any], ended: Bool[np.ndarray, " envs"]) -> dict[str, Any]:

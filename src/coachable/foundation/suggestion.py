@@ -1,4 +1,4 @@
-"""What to say to someone who mistyped a name."""
+"""The hint for a mistyped name."""
 
 from __future__ import annotations
 

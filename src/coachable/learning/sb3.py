@@ -51,11 +51,11 @@ _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "
 
 
 def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
-    """What can be told of settings without an environment.
+    """What can be checked of settings without an environment.
 
     **Raises:** `PlanError` for a setting that the trainer does not have, with the nearest one it has; for a
-    value of another type than its default's, or with which no update can be made; and for what no policy's
-    file can say.
+    value of another type than its default's, or with which no update can be made; and for what no policy
+    file can hold.
     """
     parameters = inspect.signature(ALGORITHMS[trainer].__init__).parameters
     defaults: dict[str, Any] = {
@@ -86,7 +86,7 @@ def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
         raise PlanError(f"policy_kwargs.activation_fn = {activation!r}; {hint}")
     if settings.get("use_sde") or arguments.get("squash_output"):
         raise PlanError(
-            f"{trainer}: use_sde and squash_output bound actions in ways no policy's file can say"
+            f"{trainer}: use_sde and squash_output bound actions in ways that no policy file can hold"
         )
 
 
@@ -163,7 +163,7 @@ class Learner:
         if left > 0:
             many_updates = not isinstance(self._model, OnPolicyAlgorithm)
             with _subnormals_as_zeros() if many_updates else nullcontext():
-                # What the algorithm takes for the total tells its schedules how far it is.
+                # Its schedules take their progress from what the algorithm takes for the total.
                 self._model.learn(
                     left, _Between(between), log_interval=None, reset_num_timesteps=not self._begun
                 )

@@ -50,7 +50,7 @@ class Progress(eqx.Module):
     substep: Int[Array, ""]
     """How many substeps are complete."""
     on_guard: tuple[Bool[Array, ""], ...]
-    """Of each event whether x is on its guard, right after a reset, whatever rounding says."""
+    """Of each event whether x is on its guard, right after a reset, whatever rounding does."""
     others: Int[Array, ""] | None
     """Events so far that were no touchdowns; `None` where the plant has none of that kind."""
     touchdowns: Int[Array, ""]

@@ -58,7 +58,7 @@ def advance(
         touchdowns_before: touchdowns to be counted with those of this step.
         chatter: how many touchdowns are too many.
 
-    Nothing is raised: `outcome` says whether the walker is up, fell, chattered, or its state left the finite
+    Nothing is raised: `outcome` is whether the walker is up, fell, chattered, or its state left the finite
     numbers. Forward-mode derivatives go through touchdowns, that of the touchdown's time included.
     """
     num_substeps = default_substeps(x.dtype) if num_substeps is None else num_substeps

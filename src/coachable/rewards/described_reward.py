@@ -89,7 +89,7 @@ class DescribedReward:
             raise ParameterError(f"dt is {self.dt!r}; it must be a positive number of seconds")
         if self.dt is None and self.tracker.has_dwells:
             raise ParameterError(
-                f"behaviour {self.behaviour.name!r} says how long phases last, so dt is needed: the time "
+                f"behaviour {self.behaviour.name!r} limits how long phases last, so dt is needed: the time "
                 "between two steps in seconds"
             )
         if not math.isfinite(self.cycle_bonus):

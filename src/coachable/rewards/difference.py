@@ -121,9 +121,9 @@ def _phases(first: Behaviour, second: Behaviour, names: _Names) -> Iterator[Diff
     if ours != theirs:
         yield Difference("phases", f"The first has {ours} phases, the second {theirs}.")
     for found in disagreements(first, second):
-        said = "is" if found.state else "may be (Z3 found no certain answer)"
+        verb = "is" if found.state else "may be (Z3 found no certain answer)"
         places = f"{names(found.first)} in the first and {names(found.second)} in the second"
-        yield Difference("phases", f"A state {said} {places}.", found.state)
+        yield Difference("phases", f"A state {verb} {places}.", found.state)
     if (first.outside is None) != (second.outside is None):
         which = "first" if second.outside is None else "second"
         yield Difference("outside", f"Only the {which} means states outside all phases to be possible.")
@@ -163,11 +163,11 @@ def _deadbands(first: Behaviour, second: Behaviour, names: _Names) -> Iterator[D
             continue
         answer = staying_differs(one.predicate, other.predicate)
         if answer.state is not None or not answer.decided:
-            told = " and ".join(
+            bands = " and ".join(
                 f"{', '.join(map(str, band)) or 'none'} in the {which}"
                 for band, which in zip(bands, ("first", "second"), strict=True)
             )
-            sentence = f"What keeps a state in {names(index)} differs: deadbands {told}."
+            sentence = f"What keeps a state in {names(index)} differs: deadbands {bands}."
             yield Difference("deadband", sentence, answer.state)
 
 

@@ -57,14 +57,14 @@ def reward_svg(behaviour: Behaviour, variant: Variant = "stay") -> str:
     parts, boxes = _ring(behaviour, table)
     around = surrounding(boxes, 0.0)
     grid, page = _grid(behaviour, table, around)
-    told = [
+    header = [
         Line.plain("heading", f"What r_or pays: {behaviour.name}, variant {variant}"),
         *(Line.plain("description", line) for line in balanced(_SAYS[variant], 100)),
     ]
-    head = Box(0.0, 0.0, *size_of(told))
+    head = Box(0.0, 0.0, *size_of(header))
     inner = surrounding([around, page], 0.0)
     left, top = inner.x - inner.width / 2, inner.y - inner.height / 2 - 20 - head.height
-    text = lettering(told, left, top, {})
+    text = lettering(header, left, top, {})
     heading = Box(left + head.width / 2, top + head.height / 2, head.width, head.height)
     title = f"What r_or pays for {behaviour.name}, variant {variant}"
     return document(title, surrounding([inner, heading], _MARGIN), [text, *parts, *grid], _STYLE)

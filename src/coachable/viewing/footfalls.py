@@ -24,7 +24,7 @@ class Footfall(Protocol):
 
     @property
     def title(self) -> str:
-        """What tells it from others, and which gait it is."""
+        """What distinguishes it from others, and which gait it is."""
         ...
 
     @property

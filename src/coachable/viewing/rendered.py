@@ -29,7 +29,7 @@ class Rendered(Protocol):
 
     @property
     def title(self) -> str:
-        """What tells it from others."""
+        """What distinguishes it from others."""
         ...
 
     @property

@@ -25,7 +25,7 @@ _MARGIN = 0.5
 def robot_strobe(views: Sequence[SideView], seconds: float = STROBE_SECONDS, every: float = 0.12) -> Figure:
     """The last seconds of walks, one below another at one scale.
 
-    A pose every `every` seconds, older ones fainter. The strip beneath tells the phases over time.
+    A pose every `every` seconds, older ones fainter. The strip beneath shows the phases over time.
     """
     views = [view.since(float(view.time[-1]) - seconds) for view in views]
     length = max(np.ptp(view.ends[..., 0]) for view in views) + 2 * _MARGIN

@@ -33,7 +33,7 @@ class Limbed(Protocol):
 
     @property
     def title(self) -> str:
-        """What tells it from others."""
+        """What distinguishes it from others."""
         ...
 
     @property

@@ -37,7 +37,7 @@ def places(one, state):
 behaviours = st.lists(predicates, min_size=1, max_size=3)
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(behaviours, behaviours)
 def test_every_pair_of_places_is_found_and_every_state_confirms_its_pair(these, those):
     one, other = behaviour(*these), behaviour(*those)

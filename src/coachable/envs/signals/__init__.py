@@ -1,4 +1,4 @@
-"""Signal packs: what there is to say about robots that many people train, read from their simulators."""
+"""Signal packs: the signals of robots that many people train, read from their simulators."""
 
 from coachable.envs.signals.pack import SIGNAL_PACKS as SIGNAL_PACKS
 from coachable.envs.signals.pack import SignalPack as SignalPack

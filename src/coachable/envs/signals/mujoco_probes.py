@@ -99,7 +99,7 @@ def joint(name: str, sign: int = 1) -> ReadingOf:
 
 
 def joint_velocity(name: str, sign: int = 1, offset: int = 0) -> ReadingOf:
-    """A joint's velocity; a free joint has several, to be told apart by `offset`."""
+    """A joint's velocity; a free joint has several, chosen by `offset`."""
 
     def of(simulation: MujocoSimulation) -> Reading:
         return _signed(simulation.data.qvel, int(simulation.model.joint(name).dofadr[0]) + offset, sign)

@@ -1,6 +1,6 @@
-"""Signal packs: what there is to say about robots that many people train, read from their simulators.
+"""Signal packs: the signals of robots that many people train, read from their simulators.
 
-A behaviour talks about signals, such as `left_knee > 0.3`; a pack says what an environment's signals are, in
+A behaviour is about signals, such as `left_knee > 0.3`; a pack defines an environment's signals, in
 which unit and with which sign, and reads them. Nothing is read from columns of the observation.
 
 Signs are those of gait analysis: the robot walks in the direction of +x; a hip is positive in flexion, with

@@ -82,7 +82,7 @@ class Run:
 
     @property
     def status(self) -> str:
-        """`running`, `interrupted` or `complete`. A run whose process was killed still says `running`."""
+        """`running`, `interrupted` or `complete`. A run whose process was killed stays `running`."""
         return self.manifest["status"]
 
     @property

@@ -28,7 +28,7 @@ _FIRST_FILES = ("plan.toml", "behaviour.behaviour", "automaton.svg")
 class RunFolder:
     """A run folder open for writing; its lock must be held.
 
-    The manifest is written last when a folder is begun and when it is completed, so what it says is there is
+    The manifest is written last when a folder is begun and when it is completed, so what it lists is there
     there.
     """
 

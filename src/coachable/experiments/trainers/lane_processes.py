@@ -162,7 +162,7 @@ def _require_success(work: LaneWork, exitcode: int | None) -> None:
 
 
 def _work(work: LaneWork, channel: Connection) -> None:
-    """What a process does. It stops, when it next tells its news, if its parent says so or is no more."""
+    """What a process does. It stops, when it next reports, if its parent asks for it or has ended."""
     stop_requested = threading.Event()
     # Ctrl-C in a terminal reaches every process of it; the parent alone decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -183,7 +183,7 @@ def _work(work: LaneWork, channel: Connection) -> None:
     try:
         work.run(report)
     except KeyboardInterrupt:
-        sys.exit(1)  # a parent that told it to stop no longer looks; to any other it has not finished
+        sys.exit(1)  # a parent that asked for it no longer looks; to any other it has not finished
     except (CoachableError, OSError) as error:
         channel.send(error)
     except Exception:

@@ -51,8 +51,8 @@ def reward_table(behaviour: Behaviour, variant: str) -> Int8[np.ndarray, "previo
 
     With Q the phases, E the edges, p the previous and c the current location, the table holds +1 where
 
-    - `stay`: c ∈ Q and (c = p or p ∉ Q or (p, c) ∈ E). What the paper's figure of the reward says.
-    - `equation`: c ∈ Q and (p ∉ Q or (p, c) ∈ E). What its equation (r_or) says: without a self-loop in
+    - `stay`: c ∈ Q and (c = p or p ∉ Q or (p, c) ∈ E). As in the paper's figure of the reward.
+    - `equation`: c ∈ Q and (p ∉ Q or (p, c) ∈ E). As in its equation (r_or): without a self-loop in
       E, staying in a phase is punished.
     - `released`: n(c) = n(p) or n(c) = (n(p) + 1) mod (K+1), with the phases numbered n = 1 … K in their
       order and n = −1 outside. What the released code does (`_reward_follow_orthant_sequence`), which
