@@ -24,16 +24,16 @@ def table(
         coachable table runs/paper --out docs/results/paper
     """
     from coachable.analysis.figures import draw_figures
-    from coachable.analysis.measurements import measure
+    from coachable.analysis.measurements import measure, measure_so_far
     from coachable.analysis.table import print_table, write_markdown
-    from coachable.analysis.training_table import tell_training
     from coachable.experiments.run_folder.reader import open_run
 
     opened = open_run(run)
-    if opened.baseline is None:
-        tell_training(opened, out or run)
-        return
-    measured = measure(opened)
+    # Of a study with claims nothing is decided before it has ended.
+    looks_ahead = opened.status != "complete" and opened.baseline is None
+    measured = measure_so_far(opened) if looks_ahead else measure(opened)
+    if looks_ahead:
+        print(f"The run is {opened.status}; this is what there is so far.")
     print_table(measured)
     folder = out or run
     for path in (*draw_figures(measured, folder), write_markdown(measured, folder)):
