@@ -7,7 +7,8 @@ import pyarrow as pa
 import pytest
 
 from coachable.analysis import intervals, significance
-from coachable.analysis.measurements import BESIDE_A_BASELINE, Measurements, SetupRuns, measure_tables
+from coachable.analysis.measurements import Measurements, SetupRuns, measure_tables
+from coachable.analysis.measures import BESIDE_A_BASELINE
 from coachable.experiments.plan import load_plan
 from coachable.rewards.setup import RewardSetup
 

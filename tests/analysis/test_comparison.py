@@ -13,7 +13,8 @@ from coachable.analysis.comparison import (
     share_of_overlap,
     tell_comparison,
 )
-from coachable.analysis.measurements import BESIDE_A_BASELINE, RETURN, Measurements, SetupRuns
+from coachable.analysis.measurements import Measurements, SetupRuns
+from coachable.analysis.measures import BESIDE_A_BASELINE, RETURN
 from coachable.analysis.statistics import mean_curve
 from coachable.experiments.plan import load_plan
 from coachable.foundation.errors import RunFolderError

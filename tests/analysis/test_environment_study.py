@@ -12,7 +12,8 @@ import pytest
 
 from coachable.analysis.comparison import Pair, compared, pairs, shared_measures, tell_comparison
 from coachable.analysis.figures import figures
-from coachable.analysis.measurements import IN_CYCLE, Measure, measure, measure_so_far, measure_tables
+from coachable.analysis.measurements import measure, measure_so_far, measure_tables
+from coachable.analysis.measures import IN_CYCLE, Measure
 from coachable.analysis.sections import sections
 from coachable.analysis.statistics import mean_curve
 from coachable.experiments.run_folder.reader import open_run

@@ -4,7 +4,8 @@ from matplotlib.colors import to_hex
 from PIL import Image
 
 from coachable.analysis.figures import draw_figures, learning_curves, walking_distance
-from coachable.analysis.measurements import HIGHEST, RETURN, measure_tables
+from coachable.analysis.measurements import measure_tables
+from coachable.analysis.measures import HIGHEST, RETURN
 from coachable.analysis.paper import paper_curves
 from coachable.analysis.statistics import mean_curve
 from coachable.foundation.style import INK, setup_colours

@@ -8,13 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coachable.analysis.measurements import (
-    BESIDE_A_BASELINE,
-    Measurements,
-    SetupRuns,
-    measure,
-    measure_tables,
-)
+from coachable.analysis.measurements import Measurements, SetupRuns, measure, measure_tables
+from coachable.analysis.measures import BESIDE_A_BASELINE
 from coachable.experiments.plan import load_plan
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.run_folder.schemas import schemas

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import trim_mean
 
-from coachable.analysis.measurements import HIGHEST, RETURN, measure_tables
+from coachable.analysis.measurements import measure_tables
+from coachable.analysis.measures import HIGHEST, RETURN
 from coachable.analysis.statistics import mean_curve, statistics_of
 
 pytestmark = pytest.mark.usefixtures("quick")

@@ -17,7 +17,8 @@ from rich.console import Console
 
 from coachable.analysis.figures import draw_band, panels
 from coachable.analysis.intervals import Estimate, estimate, mean
-from coachable.analysis.measurements import DISTANCE, RETURN, Measure, Measurements, SetupRuns
+from coachable.analysis.measurements import Measurements, SetupRuns
+from coachable.analysis.measures import DISTANCE, RETURN, Measure
 from coachable.analysis.sections import Section
 from coachable.analysis.significance import difference, two_sample
 from coachable.analysis.statistics import LATE_STEPS, Band, mean_curve

@@ -13,7 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, PercentFormatter
 
 from coachable.analysis.claims import Claim
-from coachable.analysis.measurements import HIGHEST, RETURN, Measure, Measurements, SetupRuns
+from coachable.analysis.measurements import Measurements, SetupRuns
+from coachable.analysis.measures import HIGHEST, RETURN, Measure
 from coachable.analysis.paper import Figure as PaperFigure
 from coachable.analysis.paper import paper_curves, paper_numbers
 from coachable.analysis.sections import IN_UNIT, with_interval

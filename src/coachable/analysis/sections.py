@@ -11,7 +11,8 @@ import numpy as np
 
 from coachable.analysis.claims import Claim, decide
 from coachable.analysis.intervals import Estimate, estimate, mean
-from coachable.analysis.measurements import Measure, Measurements
+from coachable.analysis.measurements import Measurements
+from coachable.analysis.measures import Measure
 from coachable.analysis.paper import PAPER_BASELINE_DISTANCE, PaperNumbers, paper_numbers
 from coachable.analysis.statistics import SetupStatistics, improvements, statistics_of
 from coachable.experiments.experiment import Experiment

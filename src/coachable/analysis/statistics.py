@@ -18,7 +18,8 @@ from coachable.analysis.intervals import (
     probability_of_improvement,
     std,
 )
-from coachable.analysis.measurements import Measure, Measurements, SetupRuns
+from coachable.analysis.measurements import Measurements, SetupRuns
+from coachable.analysis.measures import Measure
 
 LATE_STEPS = 50_000
 """The training reward is averaged over the last 50,000 steps."""

@@ -6,15 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from coachable.analysis.measurements import (
-    DISTANCE,
-    HIGHEST,
-    RETURN,
-    UPDATES,
-    Measure,
-    Measurements,
-    SetupRuns,
-)
+from coachable.analysis.measurements import Measurements, SetupRuns
+from coachable.analysis.measures import DISTANCE, HIGHEST, RETURN, UPDATES, Measure
 from coachable.analysis.paper import Figure, paper_curves
 from coachable.analysis.report.packing import pack
 from coachable.analysis.statistics import Band, mean_curve
