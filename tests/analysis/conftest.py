@@ -8,6 +8,7 @@ import pytest
 
 from coachable.analysis import intervals, significance
 from coachable.analysis.measurements import Measurements, SetupRuns, measure_tables
+from coachable.analysis.measures import BESIDE_A_BASELINE
 from coachable.experiments.plan import load_plan
 from coachable.rewards.setup import RewardSetup
 
@@ -60,25 +61,29 @@ def measured(**samples):
         return SetupRuns(
             name=name,
             seeds=np.arange(size),
-            distance=distance,
-            fell=np.zeros(distance.shape, bool),
-            share_in_cycle=np.ones(distance.shape),
-            final_distance=values["final"],
-            final_fell=np.zeros(size, bool),
-            final_share_in_cycle=np.ones(size),
+            evaluations={
+                "distance": distance,
+                "fell": np.zeros(distance.shape),
+                "share_in_cycle": np.ones(distance.shape),
+            },
+            final={
+                "distance": values["final"],
+                "fell": np.zeros(size),
+                "share_in_cycle": np.ones(size),
+                "seconds_up": values["seconds_up"],
+                "perturbed_up": values["perturbed_up"],
+            },
             returns=nothing,
             highest_return=nothing[:, 0],
             final_return=nothing[:, 0],
-            seconds_up=values["seconds_up"],
-            perturbed_up=values["perturbed_up"],
         )
 
     return Measurements(
-        name="made-up",
-        semantics="paper",
+        experiment=load_plan("paper", name="made-up"),
         steps=500_000,
         checkpoints=np.arange(10_000, 500_001, 10_000),
         grid=np.array([1000]),
+        measures=BESIDE_A_BASELINE,
         baseline_distance=7.0,
         setups=tuple(setup_runs(name.replace("_", "+"), given) for name, given in samples.items()),
     )

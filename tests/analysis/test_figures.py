@@ -5,8 +5,9 @@ from PIL import Image
 
 from coachable.analysis.figures import draw_figures, learning_curves, walking_distance
 from coachable.analysis.measurements import measure_tables
+from coachable.analysis.measures import HIGHEST, RETURN
 from coachable.analysis.paper import paper_curves
-from coachable.analysis.statistics import learning_curve, mean_highest
+from coachable.analysis.statistics import mean_curve
 from coachable.foundation.style import INK, setup_colours
 
 
@@ -32,7 +33,7 @@ def test_learning_curves_are_the_statistics(small_study):
     (axes,) = learning_curves(small_study).axes
     colours = setup_colours(small_study.setup_names)
     for index, setup in enumerate(small_study.setups):
-        band = learning_curve(small_study, setup)
+        band = mean_curve(small_study, setup, RETURN)
         line = curves(axes)[colours[setup.name]]
         np.testing.assert_array_equal(line.get_xydata(), np.c_[band.steps, band.value])
         assert_band(axes, index, band)
@@ -45,7 +46,7 @@ def test_walking_distance_is_the_best_run_and_the_mean(small_study):
     for index, setup in enumerate(small_study.setups):
         line = curves(best)[colours[setup.name]]
         np.testing.assert_array_equal(line.get_ydata(), setup.highest_of_all_runs)
-        assert_band(average, index, mean_highest(small_study, setup))
+        assert_band(average, index, mean_curve(small_study, setup, HIGHEST))
     assert not best.collections  # a maximum has no interval
     for axes in (best, average):
         assert np.unique(curves(axes)[INK].get_ydata()) == [small_study.baseline_distance]

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coachable.analysis.measurements import Measurements, SetupRuns, measure, measure_tables
+from coachable.analysis.measures import BESIDE_A_BASELINE
 from coachable.experiments.plan import load_plan
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.run_folder.schemas import schemas
@@ -21,9 +22,12 @@ def by_hand_plan(**options):
     return replace(plan, setups=(RewardSetup(name="a-b"),))
 
 
+BY_HAND = by_hand_plan()
+
+
 def by_hand(**changes):
     """One setup, two seeds, three evaluations and a final one."""
-    plan = by_hand_plan()
+    plan = BY_HAND
     evaluations = {
         "lane": ["a-b-8"] * 4 + ["a-b-7"] * 4,
         "step": [30_720, 10_000, 20_000, 30_000] * 2,
@@ -124,7 +128,7 @@ def test_the_rows_may_come_in_any_order(tables):
         strict=True,
     ):
         for name in vars(one):
-            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+            np.testing.assert_equal(getattr(one, name), getattr(other, name))
 
 
 @pytest.mark.parametrize("lacking", ["an evaluation", "all of them", "every episode"])
@@ -170,18 +174,12 @@ def test_the_mean_of_the_steps_is_the_area_under_the_survival_curve(first_passes
     setup = SetupRuns(
         name="a-b",
         seeds=np.arange(len(distance)),
-        distance=distance,
-        fell=distance < 0,
-        share_in_cycle=distance,
-        final_distance=each,
-        final_fell=each < 0,
-        final_share_in_cycle=each,
+        evaluations={"distance": distance},
+        final={"distance": each},
         returns=nothing,
         highest_return=each,
         final_return=each,
-        seconds_up=each,
-        perturbed_up=each,
     )
-    runs = Measurements("by-hand", "paper", 50, checkpoints, checkpoints, 0.5, (setup,))
+    runs = Measurements(BY_HAND, 50, checkpoints, checkpoints, BESIDE_A_BASELINE, 0.5, (setup,))
     not_yet = [np.mean([t < passes for passes in first_passes]) for t in range(50)]
     assert runs.steps_to_baseline(setup).mean() == pytest.approx(sum(not_yet))

@@ -5,7 +5,8 @@ import pytest
 from scipy.stats import trim_mean
 
 from coachable.analysis.measurements import measure_tables
-from coachable.analysis.statistics import learning_curve, mean_highest, statistics_of
+from coachable.analysis.measures import HIGHEST, RETURN
+from coachable.analysis.statistics import mean_curve, statistics_of
 
 pytestmark = pytest.mark.usefixtures("quick")
 
@@ -66,8 +67,8 @@ def test_one_seed_has_values_and_no_intervals(tables):
 def test_bands_are_the_means_over_runs_within_their_intervals(small_study):
     setup = small_study["forward"]
     for band, values in (
-        (mean_highest(small_study, setup), setup.highest_so_far),
-        (learning_curve(small_study, setup), setup.returns),
+        (mean_curve(small_study, setup, HIGHEST), setup.highest_so_far),
+        (mean_curve(small_study, setup, RETURN), setup.returns),
     ):
         np.testing.assert_allclose(band.value, values.mean(axis=0))
         varied = ~np.isnan(band.low)
@@ -82,5 +83,5 @@ def test_the_learning_curve_begins_when_every_run_has_finished_an_episode(tables
     late = np.array(episodes["lane"].to_pylist()) == "sparse-1"
     runs = measure_tables(plan, baseline, evaluations, episodes.filter(~late | (ends > 4_200)), survival)
     first_end = ends[late & (ends > 4_200)].min()
-    assert learning_curve(runs, runs["sparse"]).steps[0] == math.ceil(first_end / 1_000) * 1_000
-    assert learning_curve(runs, runs["forward"]).steps[0] == 1_000
+    assert mean_curve(runs, runs["sparse"], RETURN).steps[0] == math.ceil(first_end / 1_000) * 1_000
+    assert mean_curve(runs, runs["forward"], RETURN).steps[0] == 1_000

@@ -17,7 +17,8 @@ pytest.importorskip("stable_baselines3", reason="needs the [sb3] extra: pip inst
 import torch
 
 from coachable import cli
-from coachable.analysis.training_table import by_seed, final
+from coachable.analysis.measurements import measure
+from coachable.analysis.training_table import by_seed
 from coachable.behaviours.text.parser import parse
 from coachable.experiments.assessment import assessment
 from coachable.experiments.experiment import Lane
@@ -142,7 +143,7 @@ def test_means_by_seed_are_those_of_the_table(run):
     mine = (columns["lane"] == "both-0") & (columns["step"] == 256)
     assert rows.shape == (1, 2)
     assert rows[0, 1] == pytest.approx(columns["return"][mine].mean(), rel=1e-6)
-    assert final(run, "both", "return").value == pytest.approx(rows[0, 1])
+    assert by_seed(run, "both", "length")[1][0, 1] == measure(run)["both"].final["length"][0] == 200
 
 
 def test_stopped_it_goes_on_from_its_checkpoint(plan, tmp_path):
@@ -235,6 +236,18 @@ def test_the_table_is_printed_and_drawn(run, tmp_path, capsys):
     assert (tmp_path / "table.md").read_text().count("|") > 20
     with Image.open(tmp_path / "learning_curves.png") as picture:
         assert picture.size[0] > 1000
+
+
+def test_it_is_compared_and_reported(run, tmp_path, capsys):
+    out, err, status = call(capsys, "compare", run.path, run.path, "-o", tmp_path / "compared")
+    assert (status, err) == (0, "")
+    assert "final environment's return" in out
+    assert (tmp_path / "compared" / "comparison-both.svg").exists()
+    out, err, status = call(capsys, "report", run.path, "-o", tmp_path / "report.html")
+    assert status == 0, err
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Pendulum-v1 is a Gymnasium environment" in page
+    assert "approx_kl" in page, "the updates' diagnostics"
 
 
 def test_a_robot_without_feet_has_no_gait(run, capsys):

@@ -1,8 +1,8 @@
-"""The paper's two figures, from a study: learning curves and walking distance."""
+"""The figures of a study: the paper's two beside a baseline, else the curves of every measure."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,19 +10,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, PercentFormatter
 
 from coachable.analysis.claims import Claim
 from coachable.analysis.measurements import Measurements, SetupRuns
+from coachable.analysis.measures import HIGHEST, RETURN, Measure
 from coachable.analysis.paper import Figure as PaperFigure
 from coachable.analysis.paper import paper_curves, paper_numbers
 from coachable.analysis.sections import IN_UNIT, with_interval
-from coachable.analysis.statistics import Band, learning_curve, mean_highest
+from coachable.analysis.statistics import Band, mean_curve
 from coachable.foundation.style import FAINT, INK, STANCE, drawing, save, setup_colours
 
 WIDTH = 7.16
 """Both columns of a two-column page [in]."""
 HEIGHT = 3.0
+PANELS_A_ROW = 3
 
 
 def learning_curves(runs: Measurements) -> Figure:
@@ -35,11 +37,11 @@ def learning_curves(runs: Measurements) -> Figure:
         figure = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
         axes = figure.subplots()
         for setup, colour in _coloured(runs):
-            _draw_band(axes, learning_curve(runs, setup), colour, linewidth=0.9)
+            draw_band(axes, mean_curve(runs, setup, RETURN), colour, linewidth=0.9)
             _draw_paper(axes, "learning_curves", setup.name, colour)
         axes.axhline(1.0, color=INK, linewidth=0.9)
         axes.set_ylabel("return / baseline's return")
-        _finish(axes, runs)
+        _finish(axes, runs.steps)
         _draw_legend(figure, runs)
     return figure
 
@@ -57,12 +59,12 @@ def walking_distance(runs: Measurements) -> Figure:
         for setup, colour in _coloured(runs):
             best.plot(runs.checkpoints, setup.highest_of_all_runs, color=colour, zorder=3)
             _draw_paper(best, "walking_distance", setup.name, colour)
-            _draw_band(average, mean_highest(runs, setup), colour)
+            draw_band(average, mean_curve(runs, setup, HIGHEST), colour)
         _draw_paper(best, "walking_distance", "virtual gravity", INK)
         for axes, title in ((best, "best of all runs"), (average, "mean over runs")):
             axes.axhline(runs.baseline_distance, color=INK, linewidth=0.9)
             axes.set_title(title)
-            _finish(axes, runs)
+            _finish(axes, runs.steps)
         best.set_ylabel("highest walking distance [m]")
         _draw_legend(figure, runs)
     return figure
@@ -110,21 +112,67 @@ def claims_figure(claims: Sequence[Claim]) -> Figure:
     return figure
 
 
-def paper_figures(runs: Measurements, claims: Sequence[Claim]) -> dict[str, Figure]:
-    """The figures for a paper by name, both columns wide; that of the claims if any could be decided."""
-    figures = {"learning_curves": learning_curves(runs), "walking_distance": walking_distance(runs)}
+def training_curves(runs: Measurements) -> Figure:
+    """A panel for each measure of the evaluations, against the training steps.
+
+    A line is the mean over runs, its band the pointwise 95 % interval; with one run there is no band.
+    """
+    colours = setup_colours(runs.setup_names)
+
+    def draw(axes: Axes, measure: Measure) -> None:
+        for setup in runs.setups:
+            draw_band(axes, mean_curve(runs, setup, measure), colours[setup.name])
+
+    handles = [Line2D([], [], color=colour, label=name) for name, colour in colours.items()]
+    return panels(runs.evaluated, draw, handles)
+
+
+def panels(
+    measures: Sequence[Measure], draw: Callable[[Axes, Measure], None], handles: Sequence[Line2D]
+) -> Figure:
+    """A figure with a panel for each measure, three in a row, against the training steps.
+
+    **Arguments:** `draw` draws a measure's curves into its panel; `handles` go into the legend.
+    """
+    num_rows = -(-len(measures) // PANELS_A_ROW)
+    num_columns = min(PANELS_A_ROW, len(measures))
+    with drawing():
+        figure = Figure(figsize=(WIDTH, 0.5 + 2.0 * num_rows), layout="constrained")
+        places = figure.subplots(num_rows, num_columns, squeeze=False).flat
+        for measure, axes in zip(measures, places, strict=False):
+            draw(axes, measure)
+            axes.set_title(measure.heading, fontsize="medium")
+            if measure.unit == "%":
+                axes.set_ylim(0, 1.02)
+                axes.yaxis.set_major_formatter(PercentFormatter(1.0, symbol=""))
+            _finish(axes)
+        for axes in list(places):
+            axes.set_visible(False)
+        figure.legend(handles=handles, loc="outside upper center", ncols=3)
+    return figure
+
+
+def figures(runs: Measurements, claims: Sequence[Claim] = ()) -> dict[str, Figure]:
+    """The figures of a study by name, both columns of a paper wide.
+
+    Beside a baseline, the paper's two and that of the claims if any could be decided; without one, the curves
+    of every measure.
+    """
+    if not runs.has_baseline:
+        return {"learning_curves": training_curves(runs)}
+    drawn = {"learning_curves": learning_curves(runs), "walking_distance": walking_distance(runs)}
     if any(claim.comparisons for claim in claims):
-        figures["claims"] = claims_figure(claims)
-    return figures
+        drawn["claims"] = claims_figure(claims)
+    return drawn
 
 
 def draw_figures(runs: Measurements, folder: Path) -> list[Path]:
-    """Write both figures as SVG and PNG into a folder, which is made if need be; returns their paths."""
+    """Write the figures as SVG and PNG into a folder, which is made if need be; returns their paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    figures = {"learning_curves": learning_curves(runs), "walking_distance": walking_distance(runs)}
-    paths = [folder / f"{name}.{suffix}" for name in figures for suffix in ("svg", "png")]
+    drawn = figures(runs)
+    paths = [folder / f"{name}.{suffix}" for name in drawn for suffix in ("svg", "png")]
     for path in paths:
-        save(figures[path.stem], path)
+        save(drawn[path.stem], path)
     return paths
 
 
@@ -133,7 +181,8 @@ def _coloured(runs: Measurements) -> list[tuple[SetupRuns, str]]:
     return [(setup, colours[setup.name]) for setup in runs.setups]
 
 
-def _draw_band(axes: Axes, band: Band, colour: str, linewidth: float = 1.4) -> None:
+def draw_band(axes: Axes, band: Band, colour: str, linewidth: float = 1.4) -> None:
+    """A mean as a line in its interval."""
     axes.fill_between(band.steps, band.low, band.high, color=colour, alpha=0.15, linewidth=0, zorder=2)
     axes.plot(band.steps, band.value, color=colour, linewidth=linewidth, zorder=3)
 
@@ -146,8 +195,8 @@ def _draw_paper(axes: Axes, figure: PaperFigure, name: str, colour: str) -> None
         )
 
 
-def _finish(axes: Axes, runs: Measurements) -> None:
-    axes.set_xlim(0, runs.steps)
+def _finish(axes: Axes, steps: int | None = None) -> None:
+    axes.set_xlim(0, steps)
     axes.set_xlabel("training steps")
     axes.xaxis.set_major_formatter(FuncFormatter(_steps_text))
     axes.grid(axis="y")

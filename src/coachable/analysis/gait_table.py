@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from coachable.analysis.intervals import Estimate, estimate, mean
+from coachable.analysis.sections import Section
 from coachable.analysis.training_table import by_seed, cell, heading, tell_table
 from coachable.experiments.run_folder.reader import Run
 
@@ -40,17 +41,28 @@ def tell_gaits(run: Run, speed: float, folder: Path) -> None:
 
     **Arguments:** `speed`, for how soon it was reached in the evaluations [m/s].
     """
+    by_setup, by_lane = gait_sections(run, speed)
+    tables = {"gaits": (heading(run), by_setup), "gaits-by-seed": ("Seed by seed", by_lane)}
+    for name, (title, section) in tables.items():
+        written = tell_table(title, section.header, section.rows, section.notes[0], folder / f"{name}.md")
+        print(f"wrote {written}")
+
+
+def gait_sections(run: Run, speed: float = 1.0) -> tuple[Section, Section]:
+    """The table of the gaits in `gaits.parquet` by setup, and that by seed; `speed` as in `tell_gaits`."""
     gaits = run.columns("gaits")
     names = [setup.name for setup in run.experiment.setups]
-    table = [["gaits of the seeds", *(_gaits(run, gaits, name) for name in names)]]
+    table = [("gaits of the seeds", *(_gaits(run, gaits, name) for name in names))]
     for measure, (title, factor) in MEASURES.items():
         if not np.isnan(gaits[measure].astype(float)).all():
-            table.append([title, *(cell(_over_seeds(run, gaits, name, measure), factor) for name in names)])
+            table.append((title, *(cell(_over_seeds(run, gaits, name, measure), factor) for name in names)))
     dt = float(gaits["dt"][0])
-    table.append([f"{speed:g} m/s after", *(_reached(run, name, speed * dt) for name in names)])
-    print(f"wrote {tell_table(heading(run), ['', *names], table, NOTE, folder / 'gaits.md')}")
-    lanes = [_lane(gaits, lane.name) for lane in run.lanes]
-    print(f"wrote {tell_table('Seed by seed', LANE_HEADER, lanes, LANE_NOTE, folder / 'gaits-by-seed.md')}")
+    table.append((f"{speed:g} m/s after", *(_reached(run, name, speed * dt) for name in names)))
+    lanes = tuple(tuple(_lane(gaits, lane.name)) for lane in run.lanes)
+    return (
+        Section("Gaits", ("", *names), tuple(table), (NOTE,)),
+        Section("Gaits, seed by seed", LANE_HEADER, lanes, (LANE_NOTE,)),
+    )
 
 
 LANE_HEADER = (

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Num
 
+from coachable.analysis.measures import BESIDE_A_BASELINE, Measure, measures_of
 from coachable.experiments.experiment import Experiment, Lane
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.run_folder.schemas import DIAGNOSTICS
@@ -26,37 +27,72 @@ GRID_STEPS = 1_000
 class SetupRuns:
     """The runs of one reward setup, in order of their seeds. A row of every array is a run.
 
-    Returns are normalised: divided by the baseline's return under the same setup and semantics. They are NaN
-    where that is not positive, and `seconds_up` and the rest of the survival figures are NaN where none were
-    measured.
+    Beside a baseline, returns are normalised: divided by its return under the same setup and semantics. They
+    are NaN where that is not positive, and the figures of survival are NaN where none were measured.
     """
 
     name: str
     seeds: Int[np.ndarray, " runs"]
-    distance: Float[np.ndarray, "runs checkpoints"]
-    """Distance of each evaluation [m], falls included."""
-    fell: Bool[np.ndarray, "runs checkpoints"]
-    share_in_cycle: Float[np.ndarray, "runs checkpoints"]
-    """Share of each evaluation's samples that lie in the described cycle."""
-    final_distance: Float[np.ndarray, " runs"]
-    """Distance of the evaluation after the last update [m]."""
-    final_fell: Bool[np.ndarray, " runs"]
-    final_share_in_cycle: Float[np.ndarray, " runs"]
+    evaluations: Mapping[str, Num[np.ndarray, "runs checkpoints"]]
+    """By column: means over the episodes of each evaluation."""
+    final: Mapping[str, Num[np.ndarray, " runs"]]
+    """By column: the same of the evaluation after the last update, and of `survival`."""
     returns: Float[np.ndarray, "runs grid"]
     """Return of the last training episode finished by each grid step; NaN before the first."""
     highest_return: Float[np.ndarray, " runs"]
     final_return: Float[np.ndarray, " runs"]
-    seconds_up: Float[np.ndarray, " runs"]
-    """How long the final walker stays up [s], of 100."""
-    perturbed_up: Float[np.ndarray, " runs"]
-    """Share of the perturbed starts from which the final walker stays up."""
     diagnostics: Mapping[str, Float[np.ndarray, "runs checkpoints"]] = field(default_factory=dict)
     """By column of `DIAGNOSTICS`: of the update after the last training episode finished by a checkpoint."""
+
+    def values(self, measure: Measure) -> Num[np.ndarray, "runs points"]:
+        """A measure along the training, at the steps that `Measurements.steps_of` gives."""
+        of_episodes = {"return": self.returns}
+        tables = {"evaluations": self.evaluations, "episodes": of_episodes, "updates": self.diagnostics}
+        return measure.read(tables[measure.table][measure.column])
+
+    def last(self, measure: Measure) -> Num[np.ndarray, " runs"]:
+        """A measure of the evaluations, after the last update."""
+        return measure.read(self.final[measure.column])
 
     @property
     def num_runs(self) -> int:
         """How many runs there are."""
         return len(self.seeds)
+
+    @property
+    def distance(self) -> Num[np.ndarray, "runs checkpoints"]:
+        """Distance of each evaluation [m], falls included."""
+        return self.evaluations["distance"]
+
+    @property
+    def fell(self) -> Bool[np.ndarray, "runs checkpoints"]:
+        """Whether each evaluation ended in a fall."""
+        return self.evaluations["fell"] > 0
+
+    @property
+    def final_distance(self) -> Num[np.ndarray, " runs"]:
+        """Distance of the evaluation after the last update [m]."""
+        return self.final["distance"]
+
+    @property
+    def final_fell(self) -> Bool[np.ndarray, " runs"]:
+        """Whether the evaluation after the last update ended in a fall."""
+        return self.final["fell"] > 0
+
+    @property
+    def final_share_in_cycle(self) -> Num[np.ndarray, " runs"]:
+        """Share of the final evaluation's samples that lie in the described cycle."""
+        return self.final["share_in_cycle"]
+
+    @property
+    def seconds_up(self) -> Num[np.ndarray, " runs"]:
+        """How long the final walker stays up [s], of 100."""
+        return self.final["seconds_up"]
+
+    @property
+    def perturbed_up(self) -> Num[np.ndarray, " runs"]:
+        """Share of the perturbed starts from which the final walker stays up."""
+        return self.final["perturbed_up"]
 
     @property
     def watched_on(self) -> bool:
@@ -103,25 +139,49 @@ class SetupRuns:
 class Measurements:
     """All runs of a study, with what they are measured against."""
 
-    name: str
-    """The study's name."""
-    semantics: str
+    experiment: Experiment
     steps: int
-    """Training steps of a run, as planned."""
+    """Training steps of a run: as planned, or so far."""
     checkpoints: Int[np.ndarray, " checkpoints"]
-    """Training steps at which the walkers were evaluated; the final evaluation is kept apart."""
+    """Training steps at which the policies were evaluated; the final evaluation is kept apart."""
     grid: Int[np.ndarray, " grid"]
+    measures: tuple[Measure, ...]
+    """What was measured, in the order in which it is shown."""
     baseline_distance: float
-    """Distance of the virtual gravity controller [m], measured like that of the runs."""
+    """Distance of the baseline controller [m], measured like that of the runs; NaN without one."""
     setups: tuple[SetupRuns, ...]
 
     def __getitem__(self, name: str) -> SetupRuns:
         return next(setup for setup in self.setups if setup.name == name)
 
     @property
+    def name(self) -> str:
+        """The study's name."""
+        return self.experiment.name
+
+    @property
+    def semantics(self) -> str:
+        """The semantics of a plant's study."""
+        return self.experiment.require_plant("a semantics").semantics
+
+    @property
+    def has_baseline(self) -> bool:
+        """Whether there is a baseline, as in the paper's study: its tables and claims are about that."""
+        return not np.isnan(self.baseline_distance)
+
+    @property
     def setup_names(self) -> tuple[str, ...]:
         """The setups in the order of the plan."""
         return tuple(setup.name for setup in self.setups)
+
+    @property
+    def evaluated(self) -> tuple[Measure, ...]:
+        """The measures that evaluations have a value of; the final one has one, too."""
+        return tuple(measure for measure in self.measures if measure.table == "evaluations")
+
+    def steps_of(self, measure: Measure) -> Int[np.ndarray, " points"]:
+        """The training steps at which a measure was taken."""
+        return self.grid if measure.table == "episodes" else self.checkpoints
 
     def steps_to_baseline(self, setup: SetupRuns) -> Float[np.ndarray, " runs"]:
         """Training steps until a run's first evaluation passes the baseline's distance; `steps` if none does.
@@ -138,32 +198,32 @@ class Measurements:
 
 
 def measure(run: Run) -> Measurements:
-    """The measurements in a run folder.
+    """The measurements in the folder of a run that has ended.
 
     **Raises:** `RunFolderError` if a table is missing or damaged, or the study has not ended.
     """
-    survival = run.table("survival") if (run.path / "survival.parquet").exists() else None
+    survival = run.table("survival") if run.has_table("survival") else None
     return measure_tables(
-        run.experiment, _baseline(run), run.table("evaluations"), run.table("episodes"), survival
+        run.experiment, run.baseline, run.table("evaluations"), run.table("episodes"), survival
     )
 
 
 def measure_tables(
     experiment: Experiment,
-    baseline: Mapping[str, Any],
+    baseline: Mapping[str, Any] | None,
     evaluations: pa.Table,
     episodes: pa.Table,
     survival: pa.Table | None,
 ) -> Measurements:
-    """`measure` for tables with the columns of run folder format 1.
+    """`measure` for tables with the columns of a run folder.
 
-    **Arguments:** `baseline` is the virtual gravity controller's `hip_x` and `foot_x` [m] and its `returns`
-    by setup.
+    **Arguments:** `baseline` is the baseline controller's `hip_x` and `foot_x` [m] and its `returns` by
+    setup; `None` for a problem without one.
 
-    **Raises:** `RunFolderError`, naming the lane, if one lacks evaluations that others have or has no
-    finished training episode.
+    **Raises:** `RunFolderError`, naming the lane, if one lacks evaluations that others have or, beside a
+    baseline, has no finished training episode.
     """
-    tables = _Tables.of(experiment, evaluations, episodes, survival)
+    tables = _Tables.of(experiment, baseline, evaluations, episodes, survival)
     _require_all_evaluations(tables.evaluated, experiment.lanes)
     return _measured(experiment, baseline, tables, experiment.lanes, experiment.steps)
 
@@ -176,8 +236,13 @@ def measure_so_far(run: Run) -> Measurements:
 
     **Raises:** `RunFolderError` if a table is missing or damaged, or no lane has been evaluated yet.
     """
-    tables = _Tables.of(run.experiment, run.table("evaluations"), run.table("episodes"), None)
-    begun = [lane for lane in run.lanes if lane.name in tables.evaluated and lane.name in tables.trained]
+    experiment, baseline = run.experiment, run.baseline
+    tables = _Tables.of(experiment, baseline, run.table("evaluations"), run.table("episodes"), None)
+    begun = [
+        lane
+        for lane in run.lanes
+        if lane.name in tables.evaluated and (baseline is None or lane.name in tables.trained)
+    ]
     if not begun:
         raise RunFolderError(f"{run.path}: no lane has been evaluated yet; wait, and try again")
     counts = np.array([len(tables.evaluated[lane.name]["step"]) for lane in begun])
@@ -188,19 +253,8 @@ def measure_so_far(run: Run) -> Measurements:
         for lane in lanes
     }
     reached = int(cut[lanes[0].name]["step"][-1])
-    return _measured(
-        run.experiment,
-        _baseline(run),
-        replace(tables, evaluated=cut),
-        lanes,
-        min(reached, run.experiment.steps),
-    )
-
-
-def _baseline(run: Run) -> Mapping[str, Any]:
-    if run.baseline is None:
-        raise RunFolderError(f"{run.path}: {run.experiment.problem.robot} has no baseline to measure against")
-    return run.baseline
+    tables = replace(tables, evaluated=cut)
+    return _measured(experiment, baseline, tables, lanes, min(reached, experiment.steps))
 
 
 Columns = dict[str, np.ndarray]
@@ -210,78 +264,100 @@ Columns = dict[str, np.ndarray]
 class _Tables:
     """The columns of each table by lane."""
 
+    measures: tuple[Measure, ...]
     evaluated: Mapping[str, Columns]
     trained: Mapping[str, Columns]
     watched: Mapping[str, Columns]
 
     @staticmethod
     def of(
-        experiment: Experiment, evaluations: pa.Table, episodes: pa.Table, survival: pa.Table | None
+        experiment: Experiment,
+        baseline: Mapping[str, Any] | None,
+        evaluations: pa.Table,
+        episodes: pa.Table,
+        survival: pa.Table | None,
     ) -> _Tables:
-        distance = experiment.require_plant("a study's table").distance
+        if experiment.problem.in_jax:
+            distance = evaluations[experiment.require_plant("a distance").distance]
+            # A plant's table may have a reward term of that name.
+            terms = [name for name in evaluations.column_names if name != "distance"]
+            evaluations = evaluations.select(terms).append_column("distance", distance)
+        measures = measures_of(evaluations) if baseline is None else BESIDE_A_BASELINE
+        evaluated = [*dict.fromkeys(part.column for part in measures if part.table == "evaluations")]
         reported = [name for name in DIAGNOSTICS if name in episodes.column_names]
         return _Tables(
-            _by_lane(evaluations, "step", ("step", distance, "fell", "share_in_cycle")),
+            measures,
+            _by_lane(_means(evaluations, evaluated), "step", ("step", *evaluated)),
             _by_lane(episodes, "end_step", ("end_step", "return", *reported)),
             {} if survival is None else _by_lane(survival, "lane", ("seconds_up", "perturbed_up")),
         )
 
 
 def _measured(
-    experiment: Experiment, baseline: Mapping[str, Any], tables: _Tables, lanes: Sequence[Lane], steps: int
+    experiment: Experiment,
+    baseline: Mapping[str, Any] | None,
+    tables: _Tables,
+    lanes: Sequence[Lane],
+    steps: int,
 ) -> Measurements:
-    problem = experiment.require_plant("a study's table")
     evaluated_at = tables.evaluated[lanes[0].name]["step"]
     checkpoints = evaluated_at[evaluated_at <= steps] if evaluated_at[0] <= steps else evaluated_at
     grid = np.arange(GRID_STEPS, max(steps, GRID_STEPS) + 1, GRID_STEPS)
 
+    def scale(setup: str) -> float:
+        if baseline is None:
+            return 1.0
+        its_return = float(baseline["returns"][setup])
+        return its_return if its_return > 0 else np.nan
+
     def setup_runs(name: str) -> SetupRuns:
         own = [lane for lane in lanes if lane.setup == name]
         names = [lane.name for lane in own]
-        evaluation = {
-            column: _stack(tables.evaluated, names, column)
-            for column in (problem.distance, "fell", "share_in_cycle")
-        }
+        columns = [column for column in tables.evaluated[names[0]] if column != "step"]
+        evaluated = {column: _stack(tables.evaluated, names, column) for column in columns}
         up = {column: _stack(tables.watched, names, column) for column in ("seconds_up", "perturbed_up")}
-        baseline_return = float(baseline["returns"][name])
-        scale = baseline_return if baseline_return > 0 else np.nan
-        returns = [_finished(tables.trained, lane, "return") / scale for lane in names]
-        ends = [_finished(tables.trained, lane, "end_step") for lane in names]
+        trained = [_finished(tables.trained, lane, required=baseline is not None) for lane in names]
+        returns = [episodes["return"] / scale(name) for episodes in trained]
+        ends = [episodes["end_step"] for episodes in trained]
         return SetupRuns(
             name=name,
             seeds=np.array([lane.seed for lane in own]),
-            distance=evaluation[problem.distance][:, : len(checkpoints)],
-            fell=evaluation["fell"][:, : len(checkpoints)].astype(bool),
-            share_in_cycle=evaluation["share_in_cycle"][:, : len(checkpoints)],
-            final_distance=evaluation[problem.distance][:, -1],
-            final_fell=evaluation["fell"][:, -1].astype(bool),
-            final_share_in_cycle=evaluation["share_in_cycle"][:, -1],
+            evaluations={column: values[:, : len(checkpoints)] for column, values in evaluated.items()},
+            final={column: values[:, -1] for column, values in (evaluated | up).items()},
             returns=np.stack([_last_finished(*episode, grid) for episode in zip(ends, returns, strict=True)]),
-            highest_return=np.array([np.max(lane) for lane in returns]),
-            final_return=np.array([lane[-1] for lane in returns]),
-            seconds_up=up["seconds_up"][:, -1],
-            perturbed_up=up["perturbed_up"][:, -1],
+            highest_return=np.array([lane.max() if len(lane) else np.nan for lane in returns]),
+            final_return=np.array([lane[-1] if len(lane) else np.nan for lane in returns]),
             diagnostics={
                 column: np.stack(
                     [
-                        _last_finished(end, tables.trained[lane][column], checkpoints)
-                        for lane, end in zip(names, ends, strict=True)
+                        _last_finished(episodes["end_step"], episodes[column], checkpoints)
+                        for episodes in trained
                     ]
                 )
                 for column in DIAGNOSTICS
-                if column in tables.trained[names[0]]
+                if all(column in episodes for episodes in trained)
             },
         )
 
     return Measurements(
-        name=experiment.name,
-        semantics=problem.semantics,
+        experiment=experiment,
         steps=steps,
         checkpoints=checkpoints.astype(int),
         grid=grid,
-        baseline_distance=float(baseline[problem.distance]),
+        measures=tables.measures,
+        baseline_distance=np.nan if baseline is None else _distance_of(experiment, baseline),
         setups=tuple(setup_runs(name) for name in dict.fromkeys(lane.setup for lane in lanes)),
     )
+
+
+def _distance_of(experiment: Experiment, baseline: Mapping[str, Any]) -> float:
+    return float(baseline[experiment.require_plant("a baseline").distance])
+
+
+def _means(evaluations: pa.Table, columns: Sequence[str]) -> pa.Table:
+    """The means of some columns over the episodes of each evaluation of a lane."""
+    means = evaluations.group_by(["lane", "step"]).aggregate([(column, "mean") for column in columns])
+    return means.rename_columns([name.removesuffix("_mean") for name in means.column_names])
 
 
 def _by_lane(table: pa.Table, order: str, names: Sequence[str]) -> dict[str, Columns]:
@@ -308,10 +384,14 @@ def _stack(by_lane: Mapping[str, Columns], lanes: Sequence[str], column: str) ->
     return np.stack([by_lane[lane][column] if lane in by_lane else np.array([np.nan]) for lane in lanes])
 
 
-def _finished(trained: Mapping[str, Columns], lane: str, column: str) -> np.ndarray:
-    if lane not in trained:
+def _finished(trained: Mapping[str, Columns], lane: str, required: bool) -> Columns:
+    """The columns of a lane's finished training episodes, of which there may be none if not `required`."""
+    if lane in trained:
+        return trained[lane]
+    if required:
         raise RunFolderError(f"lane {lane} has no finished training episode; run the study again to go on")
-    return trained[lane][column]
+    nothing = np.zeros(0)
+    return dict.fromkeys(("end_step", "return", *DIAGNOSTICS), nothing)
 
 
 def _last_finished(ends: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:

@@ -5,12 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from coachable.analysis.claims import Claim, decide
-from coachable.analysis.intervals import Estimate
+from coachable.analysis.intervals import Estimate, estimate, mean
 from coachable.analysis.measurements import Measurements
+from coachable.analysis.measures import Measure
 from coachable.analysis.paper import PAPER_BASELINE_DISTANCE, PaperNumbers, paper_numbers
 from coachable.analysis.statistics import SetupStatistics, improvements, statistics_of
+from coachable.experiments.experiment import Experiment
 
 NOTHING = "–"
 PAPER = "paper"
@@ -30,12 +35,14 @@ class Section:
 
 
 def sections(runs: Measurements) -> tuple[Section, ...]:
-    """Everything that is reported of a study, ours beside the paper's, and its claims decided."""
-    return sections_of(runs, decide(runs))
+    """Everything that is reported of a study; beside a baseline also the paper's, and its claims decided."""
+    return sections_of(runs, decide(runs) if runs.has_baseline else ())
 
 
 def sections_of(runs: Measurements, claims: Sequence[Claim]) -> tuple[Section, ...]:
     """`sections` with claims that are decided already."""
+    if not runs.has_baseline:
+        return (_last_evaluation(runs), _seed_by_seed(runs))
     setups = [statistics_of(runs, setup) for setup in runs.setups]
     return (
         _highest(runs, setups),
@@ -55,7 +62,87 @@ def heading(runs: Measurements) -> str:
     num_runs = runs.setups[0].num_runs
     setups = _count(len(runs.setups), "setup")
     size = f"{setups} × {_count(num_runs, 'seed')} × {runs.steps:,} steps"
-    return f"{runs.name}: {size}, {runs.semantics} semantics"
+    if runs.has_baseline:
+        return f"{runs.name}: {size}, {runs.semantics} semantics"
+    plan = runs.experiment
+    return f"{runs.name}: {plan.problem.robot}, {plan.behaviour.name}, {plan.trainer.name}, {size}"
+
+
+def _last_evaluation(runs: Measurements) -> Section:
+    measures = runs.evaluated
+    rows = []
+    for setup in runs.setups:
+        finals = [setup.last(measure) for measure in measures]
+        estimates = [estimate(mean, values[~np.isnan(values)]) for values in finals]
+        cells = [in_unit(told, measure) for told, measure in zip(estimates, measures, strict=True)]
+        rows.append((setup.name, *cells))
+    return Section(
+        "Last evaluation",
+        ("setup", *(measure.heading for measure in measures)),
+        tuple(rows),
+        ("Deterministic episodes; means over seeds with 95 % bootstrap intervals over seeds.",),
+    )
+
+
+def _seed_by_seed(runs: Measurements) -> Section:
+    measures = runs.evaluated
+    return Section(
+        "Last evaluation, seed by seed",
+        ("lane", *(measure.heading for measure in measures)),
+        tuple(
+            (
+                f"{setup.name}-{seed}",
+                *(in_unit(Estimate(float(setup.last(measure)[row])), measure) for measure in measures),
+            )
+            for setup in runs.setups
+            for row, seed in enumerate(setup.seeds.tolist())
+        ),
+        ("Means over the evaluation's episodes.",),
+    )
+
+
+def settings(experiment: Experiment) -> tuple[Section, Section]:
+    """What each setup pays, and the learner with its settings, as the resolved plan has them."""
+    plan = experiment.to_data()
+    setups = plan["setups"]
+    keys = list(next(iter(setups.values())))
+    learner = [("trainer", plan["trainer"])]
+    learner += [item for table in experiment.trainer.to_data().values() for item in table.items()]
+    return (
+        Section(
+            "Setups",
+            ("setup", *(key.replace("_", " ") for key in keys)),
+            tuple((name, *(_plain(values[key]) for key in keys)) for name, values in setups.items()),
+        ),
+        Section("Learner", ("setting", "value"), tuple((name, _plain(value)) for name, value in learner)),
+    )
+
+
+def _plain(value: Any) -> str:
+    """A value of a plan as text; a table as its entries."""
+    match value:
+        case bool():
+            return "yes" if value else "no"
+        case float():
+            return f"{value:g}"
+        case Mapping():
+            return ", ".join(f"{key}: {_plain(entry)}" for key, entry in value.items()) or NOTHING
+        case list() | tuple():
+            return ", ".join(map(_plain, value))
+        case _:
+            return str(value)
+
+
+def in_unit(told: Estimate, measure: Measure) -> str:
+    """An estimate of a measure, with its interval, to three digits; shares in percent."""
+
+    def text(value: float) -> str:
+        value *= 100 if measure.unit == "%" else 1
+        if math.isnan(value):
+            return NOTHING
+        return (f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}").replace("-", "−")
+
+    return with_interval(told, text)
 
 
 def _highest(runs: Measurements, setups: Sequence[SetupStatistics]) -> Section:

@@ -19,6 +19,7 @@ from coachable.analysis.intervals import (
     std,
 )
 from coachable.analysis.measurements import Measurements, SetupRuns
+from coachable.analysis.measures import Measure
 
 LATE_STEPS = 50_000
 """The training reward is averaged over the last 50,000 steps."""
@@ -101,37 +102,14 @@ class Band:
     high: Float[np.ndarray, " points"]
 
 
-def learning_curve(runs: Measurements, setup: SetupRuns) -> Band:
-    """The mean normalised return, from the first grid step by which every run has finished an episode."""
-    finished = ~np.isnan(setup.returns).any(axis=0)
-    return _band(runs.grid[finished], setup.returns[:, finished])
-
-
-def mean_highest(runs: Measurements, setup: SetupRuns) -> Band:
-    """The mean over runs of the greatest distance up to each checkpoint [m]."""
-    return _band(runs.checkpoints, setup.highest_so_far)
-
-
-def mean_distance(runs: Measurements, setup: SetupRuns) -> Band:
-    """The mean over runs of the distance at each checkpoint, falls included [m]."""
-    return _band(runs.checkpoints, setup.distance)
-
-
-def share_up(runs: Measurements, setup: SetupRuns) -> Band:
-    """The share of runs whose walker is up at the end of the evaluation, at each checkpoint."""
-    return _band(runs.checkpoints, (~setup.fell).astype(float))
-
-
-def mean_share_in_cycle(runs: Measurements, setup: SetupRuns) -> Band:
-    """The mean over runs of the share of samples in the described cycle, at each checkpoint."""
-    return _band(runs.checkpoints, setup.share_in_cycle)
-
-
-def mean_diagnostic(runs: Measurements, setup: SetupRuns, name: str) -> Band:
-    """The mean over runs of a diagnostic of the updates, at the checkpoints at which every run has one."""
-    values = setup.diagnostics[name]
+def mean_curve(runs: Measurements, setup: SetupRuns, measure: Measure) -> Band:
+    """The mean over runs of a measure, at the steps at which every run has a value of it."""
+    values = setup.values(measure).astype(float)
     known = ~np.isnan(values).any(axis=0)
-    return _band(runs.checkpoints[known], values[:, known])
+    low, high = interval(mean, values[:, known], resamples=_RESAMPLES_OF_A_BAND)
+    return Band(
+        runs.steps_of(measure)[known], values[:, known].mean(axis=0), np.asarray(low), np.asarray(high)
+    )
 
 
 @dataclass(frozen=True)
@@ -158,8 +136,3 @@ def improvements(runs: Measurements) -> tuple[Improvement, ...]:
         )
 
     return tuple(chance(setup, over) for over, setup in combinations(runs.setups, 2))
-
-
-def _band(steps: np.ndarray, values: Float[np.ndarray, "runs points"]) -> Band:
-    low, high = interval(mean, values, resamples=_RESAMPLES_OF_A_BAND)
-    return Band(steps, values.mean(axis=0), np.asarray(low), np.asarray(high))

@@ -26,7 +26,7 @@ _STYLES: dict[str, str] = {
 
 def table(runs: Measurements) -> list[RenderableType]:
     """The table as rich renderables, readable in 100 columns."""
-    return [Text(heading(runs), style="bold"), *(part for s in sections(runs) for part in _rendered(s))]
+    return [Text(heading(runs), style="bold"), *(part for s in sections(runs) for part in rendered(s))]
 
 
 def print_table(runs: Measurements) -> None:
@@ -44,7 +44,7 @@ def markdown(runs: Measurements) -> str:
 
 def markdown_of(runs: Measurements, said: Sequence[Section]) -> str:
     """`markdown` with sections that are there already."""
-    return "\n\n".join([f"# {heading(runs)}", *map(_as_markdown, said)]) + "\n"
+    return "\n\n".join([f"# {heading(runs)}", *map(as_markdown, said)]) + "\n"
 
 
 def write_markdown(runs: Measurements, folder: Path) -> Path:
@@ -54,7 +54,8 @@ def write_markdown(runs: Measurements, folder: Path) -> Path:
     return path
 
 
-def _rendered(section: Section) -> list[RenderableType]:
+def rendered(section: Section) -> list[RenderableType]:
+    """A section as rich renderables: its title, its table, its notes."""
     grid = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for index, name in enumerate(section.header):
         grid.add_column(Text(name), style="dim" if name == PAPER else "", no_wrap=index == 0)
@@ -65,7 +66,8 @@ def _rendered(section: Section) -> list[RenderableType]:
     return [title, grid, *(Text(note, style="dim italic") for note in section.notes), Text()]
 
 
-def _as_markdown(section: Section) -> str:
+def as_markdown(section: Section) -> str:
+    """A section as Markdown."""
     rows = (section.header, ("---",) * len(section.header), *section.rows)
     lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
     return "\n\n".join([f"## {section.title}", "\n".join(lines), *section.notes])

@@ -24,16 +24,16 @@ def table(
         coachable table runs/paper --out docs/results/paper
     """
     from coachable.analysis.figures import draw_figures
-    from coachable.analysis.measurements import measure
+    from coachable.analysis.measurements import measure, measure_so_far
     from coachable.analysis.table import print_table, write_markdown
-    from coachable.analysis.training_table import tell_training
     from coachable.experiments.run_folder.reader import open_run
 
     opened = open_run(run)
-    if opened.baseline is None:
-        tell_training(opened, out or run)
-        return
-    measured = measure(opened)
+    # Of a study with claims nothing is decided before it has ended.
+    looks_ahead = opened.status != "complete" and opened.baseline is None
+    measured = measure_so_far(opened) if looks_ahead else measure(opened)
+    if looks_ahead:
+        print(f"The run is {opened.status}; this is what there is so far.")
     print_table(measured)
     folder = out or run
     for path in (*draw_figures(measured, folder), write_markdown(measured, folder)):
@@ -42,14 +42,18 @@ def table(
 
 def compare(
     run: Annotated[Positional[Path], arg(metavar="RUN", help="A run folder, the --out of train.")],
-    other: Annotated[Positional[Path], arg(metavar="RUN", help="Another one, with a setup in common.")],
+    other: Annotated[Positional[Path], arg(metavar="RUN", help="Another one, of the same problem.")],
     out: Annotated[Path, arg(aliases=["-o"], metavar="DIR", help="Where to write to.")] = Path("comparison"),
 ) -> None:
     """Lay the curves of two studies over each other, and test whether their runs differ.
 
+    Studies of one Gymnasium environment without a setup in common are compared setup by setup. What is
+    described or paid otherwise in the two is left out, and named.
+
     For example:
 
         coachable compare runs/paper runs/sb3 -o runs/paper-and-sb3
+        coachable compare runs/walk runs/hop -o runs/walk-and-hop
     """
     from coachable.analysis.comparison import tell_comparison
     from coachable.analysis.measurements import measure
@@ -84,13 +88,15 @@ def report(
 ) -> None:
     """Write one HTML page that shows what was learned: claims, curves, walkers, every seed, and the numbers.
 
-    The page needs no network and nothing beside it. Of a study that is under way it tells what there is; a
-    folder that cannot be read is named, and the others are reported.
+    The page needs no network and nothing beside it. Of a Gymnasium environment it shows the description, the
+    curves of every measure, every seed and the gaits, and says why there is no walker. Of a study that is
+    under way it tells what there is; a folder that cannot be read is named, and the others are reported.
 
     For example:
 
         coachable report runs/paper
         coachable report runs/paper runs/released -o both.html
+        coachable report runs/walker2d
         coachable report runs/paper --format md -o paper.md
         coachable report runs/paper --format pdf-figures -o figures
     """

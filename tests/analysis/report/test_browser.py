@@ -5,6 +5,7 @@ import html
 import json
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -25,6 +26,7 @@ OPTIONS = [
     "--disable-component-update",
     "--disable-sync",
 ]
+RESULTS = Path(__file__).parents[3] / "docs" / "results"
 DESKTOP, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
 
@@ -359,3 +361,32 @@ def test_without_scripts_claims_and_numbers_are_there(report, browser):
     assert page.locator("#numbers table").count() == 7
     assert page.locator("noscript").count() == 1
     context.close()
+
+
+def test_a_robot_without_a_plant_has_curves_and_tables_alone(opened, tmp_path):
+    path = tmp_path / "page.html"
+    write_report([RESULTS / "walker2d" / "hop"], path, bibtex="")
+    with opened(path) as page:
+        assert page.inner_text("h1") == "What Walker2d-v5 learned"
+        assert page.locator("#charts canvas").count() == 1
+        assert not page.locator("#paper-curves").is_visible()
+        assert page.locator("#description .automaton").is_visible()
+        seen = {page.evaluate("document.querySelector('#charts canvas').toDataURL()")}
+        for title in ("Share in cycle", "Episode's length", "Return in training"):
+            page.locator("#measure label", has_text=title).click()
+            seen.add(page.evaluate("document.querySelector('#charts canvas').toDataURL()"))
+        assert len(seen) == 4
+        assert page.evaluate("document.documentElement.scrollWidth") == DESKTOP["width"]
+        assert page.pdf().startswith(b"%PDF")
+
+
+def test_beside_a_plant_a_robot_shares_the_measures_that_both_have(four, opened, tmp_path):
+    path = tmp_path / "page.html"
+    write_report([four, RESULTS / "walker2d" / "hop"], path, bibtex="")
+    with opened(path) as page:
+        wait_for_walk(page)
+        for title, charts in (("Normalised reward", 1), ("Share in cycle", 2), ("Environment's return", 1)):
+            page.locator("#measure label", has_text=title).click()
+            assert page.locator("#charts canvas").count() == charts
+        assert page.locator(".seed").count() == 4
+        assert page.locator("#study option").count() == 1

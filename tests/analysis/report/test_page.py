@@ -6,6 +6,7 @@ import html
 import json
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -17,6 +18,7 @@ from coachable.analysis.report.walks import even_selection
 from coachable.experiments.run_folder.schemas import DIAGNOSTICS
 from coachable.foundation.errors import RunFolderError
 
+RESULTS = Path(__file__).parents[3] / "docs" / "results"
 BIBTEX = "@software{coachable, title = {A & B <c>}}"
 
 
@@ -287,3 +289,79 @@ def test_without_a_name_it_lies_in_the_run_folder(four, tmp_path, monkeypatch):
     assert [str(path) for path in write([run, run], None, "md", bibtex=BIBTEX, tell=quiet)[0]] == [
         "report.md"
     ]
+
+
+HOP = RESULTS / "walker2d" / "hop"
+
+
+@pytest.fixture(scope="module")
+def of_robot():
+    return page_of(HOP)
+
+
+def test_the_numbers_of_a_robot_are_those_of_the_parquet_file(of_robot):
+    evaluations = pq.read_table(HOP / "evaluations.parquet").to_pandas()
+    last = evaluations[evaluations.step == evaluations.step.max()]
+    header, *rows = cells(of_robot, "Last evaluation, seed by seed")
+    assert len(rows) == 3
+    for lane, *values in rows:
+        own = last[last.lane == lane]
+        assert float(values[header.index("distance [m]") - 1]) == pytest.approx(own.distance.mean(), rel=5e-3)
+        assert float(values[header.index("falls [%]") - 1]) == pytest.approx(100 * own.fell.mean(), rel=5e-3)
+    ((_, *names), (_, mean, *_)) = cells(of_robot, "Last evaluation")
+    assert names[0] == "environment's return"
+    assert f"{last.environment.mean():,.0f} [" in mean
+
+
+def test_a_robots_curves_are_those_of_the_parquet_file(of_robot, in_node):
+    evaluations = pq.read_table(HOP / "evaluations.parquet").to_pandas()
+    (study,) = data_of(of_robot)
+    assert [curve["key"] for curve in study["curves"]] == [
+        *("environment", "behaviour", "cycle", "fell", "length", "distance", "trained")
+    ]
+    lengths = next(curve for curve in study["curves"] if curve["key"] == "length")
+    back = in_node("unpack(input).then((c) => Array.from(c.value))", lengths["setups"][0]["band"])
+    means = evaluations[evaluations.step <= 1_000_000].groupby("step").length.mean()
+    assert lengths["steps"] == means.index.tolist()
+    np.testing.assert_allclose(back, means, atol=0.05)
+
+
+def test_of_a_robot_without_a_plant_the_page_says_what_it_lacks(of_robot):
+    for part in ('id="walkers"', 'id="seeds"', 'id="claims"', "virtual gravity controller"):
+        assert part not in of_robot
+    assert "Walker2d-v5 is a Gymnasium environment" in of_robot
+    assert "coachable watch runs/hop --setup both --seed 0 -o gait.gif" in of_robot
+    assert "behaviour &#34;hopping&#34;" in of_robot
+    assert of_robot.count('<svg xmlns="http://www.w3.org/2000/svg"') == 1
+    assert cells(of_robot, "Gaits")[0] == ["", "both"]
+    assert ["gae_lambda", "0.95"] in cells(of_robot, "Learner")
+    assert cells(of_robot, "Setups")[1][:3] == ["both", "1", "no"]
+
+
+def test_a_plant_and_a_robot_stand_in_one_page(four, of_robot):
+    page = page_of(four, HOP)
+    plant, robot = data_of(page)
+    assert plant == data_of(page_of(four))[0]
+    assert robot == data_of(of_robot)[0]
+    assert 'id="walkers"' in page
+    assert 'data-study="0"' in page
+    assert 'data-study="1"' not in page
+
+
+def test_a_damaged_gait_table_is_named_and_the_rest_is_reported(tmp_path):
+    run = shutil.copytree(HOP, tmp_path / "run")
+    (run / "gaits.parquet").write_bytes(b"PAR1")
+    page = page_of(run)
+    assert "gaits.parquet" in re.findall(r'role="alert">(.*?)</div>', page, re.DOTALL)[0]
+    assert len(cells(page, "Last evaluation")) == 2
+
+
+def test_other_formats_of_a_robot_hold_the_same(of_robot, tmp_path):
+    (path,), _ = write([HOP], tmp_path / "r.md", "md", bibtex=BIBTEX, tell=quiet)
+    text = path.read_text(encoding="utf-8")
+    for title in ("Last evaluation", "Last evaluation, seed by seed", "Learner"):
+        for row in cells(of_robot, title):
+            assert "| " + " | ".join(row) + " |" in text
+    (figure,), _ = write([HOP], tmp_path / "figures", "pdf-figures", bibtex=BIBTEX, tell=quiet)
+    assert figure.name == "learning_curves.pdf"
+    assert figure.read_bytes().startswith(b"%PDF")

@@ -14,7 +14,13 @@ async function buildCharts(studies, setupNames) {
     [setup.band, setup.runs] = [await unpack(setup.band), Object.values(await unpack(setup.runs))];
   }))));
   const finite = (curve) => curve.setups.some((setup) => setup.band.value.some(Number.isFinite));
-  const measures = shown[0].curves.filter((curve) => shown.some((study) => finite(study.curves.find((c) => c.key === curve.key))));
+  const known = shown.flatMap((study) => study.curves.filter(finite));
+  const measures = known.filter((curve, place) => known.findIndex((one) => one.key === curve.key) === place);
+  if (!measures.length) {
+    document.getElementById("learning").hidden = true;
+    return () => {};
+  }
+  document.getElementById("paper-curves").parentElement.hidden = !known.some((curve) => curve.setups.some((setup) => setup.paper));
   state.measure = measures[0].key;
   choose("measure", measures.map((curve) => [curve.key, curve.title]), state.measure, (key) => { state.measure = key; draw(); });
   choose("axis", [["steps", "steps"], ...(shown.every((study) => study.wallSeconds) ? [["wall", "wall time"]] : [])], "steps", (key) => { state.wall = key === "wall"; draw(); });
@@ -25,15 +31,16 @@ async function buildCharts(studies, setupNames) {
   function draw() {
     charts.forEach((chart) => chart.destroy());
     holder.replaceChildren();
-    const curves = shown.map((study) => study.curves.find((curve) => curve.key === state.measure));
+    const having = shown.filter((study) => study.curves.some((curve) => curve.key === state.measure));
+    const curves = having.map((study) => study.curves.find((curve) => curve.key === state.measure));
     const range = padded(extent(curves.flatMap((curve) => [
       ...curve.setups.flatMap((setup) => [setup.band.low, setup.band.high, setup.band.value, setup.band.best ?? []]),
       ...(state.runs ? curve.setups.flatMap((setup) => setup.runs) : []),
       ...(state.paper ? curve.setups.map((setup) => setup.paper?.value ?? []) : []),
       curve.baseline === null ? [] : [curve.baseline],
-    ])), state.measure);
-    charts = shown.map((study, place) => chartOf(study, curves[place], state, range, setupNames, shown.length > 1 ? `${study.label} · ${curves[place].unit}` : curves[place].unit, holder, chartHeight()));
-    document.getElementById("chart-note").textContent = noteOf(curves, state, shown);
+    ])), curves[0].share);
+    charts = having.map((study, place) => chartOf(study, curves[place], state, range, setupNames, shown.length > 1 ? `${study.label} · ${curves[place].unit}` : curves[place].unit, holder, chartHeight()));
+    document.getElementById("chart-note").textContent = noteOf(curves, state, having);
     const papers = curves.some((curve) => curve.setups.some((setup) => setup.paper));
     document.getElementById("paper-curves").disabled = !papers;
   }
@@ -56,7 +63,7 @@ async function buildUpdateCharts(studies, setupNames) {
     charts.forEach((chart) => chart.destroy());
     holder.replaceChildren();
     charts = shown.map(({ study, curve }) => {
-      const range = padded(extent(curve.setups.flatMap((setup) => [setup.band.low, setup.band.high, setup.band.value])), curve.key);
+      const range = padded(extent(curve.setups.flatMap((setup) => [setup.band.low, setup.band.high, setup.band.value])), curve.share);
       const title = studies.length > 1 ? `${curve.title} · ${study.label}` : curve.title;
       return chartOf(study, curve, state, range, setupNames, title, holder, SMALL_HEIGHT);
     });
@@ -73,7 +80,7 @@ function noteOf(curves, state, studies) {
   if (state.measure === "highest") parts.push("The thin line is the farthest of all runs, as in the paper’s figure; it has no interval.");
   if (state.paper && curves.some((curve) => curve.setups.some((setup) => setup.paper))) parts.push("Dashed: the paper’s curve, digitised.");
   if (curves.some((curve) => curve.baseline !== null)) parts.push("Dotted: virtual gravity.");
-  if (state.wall) parts.push(`Wall time: of the whole study, all ${studies.map((s) => s.lanes.length).join(" and ")} lanes side by side, at its mean pace.`);
+  if (state.wall) parts.push(`Wall time: of the whole study, all ${studies.map((s) => s.lanes.length).join(" and ")} lanes${studies.every((s) => s.plant) ? " side by side" : ""}, at its mean pace.`);
   return parts.join(" ");
 }
 
@@ -81,8 +88,8 @@ function chartHeight() {
   return window.innerWidth < 640 ? 250 : 340;
 }
 
-function padded([low, high], measure) {
-  if (measure === "up" || measure === "cycle") return [0, 1.02];
+function padded([low, high], share) {
+  if (share) return [0, 1.02];
   const room = 0.04 * (high - low || 1);
   return [low >= 0 ? Math.max(0, low - room) : low - room, high + room];
 }

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from coachable.analysis.figures import paper_figures
+from coachable.analysis.figures import figures
 from coachable.analysis.report.page import read_studies, write_report
 from coachable.analysis.report.study import StudyReport, Tell
 from coachable.analysis.table import markdown_of
@@ -54,7 +54,7 @@ def _draw(study: StudyReport, folder: Path, tell: Tell, several: bool) -> list[P
     folder = folder / study.label.replace(" ", "-").replace("/", "-") if several else folder
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for name, figure in paper_figures(study.runs, study.claims).items():
+    for name, figure in figures(study.runs, study.claims).items():
         tell(f"{folder}: {name}")
         paths.append(folder / f"{name}.pdf")
         save(figure, paths[-1])

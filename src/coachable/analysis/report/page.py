@@ -20,6 +20,7 @@ from coachable.analysis.report.provenance import provenance
 from coachable.analysis.report.study import StudyReport, Tell, labels, read_study
 from coachable.analysis.report.walks import MOST_WALKS
 from coachable.analysis.sections import PAPER, heading
+from coachable.behaviours.text import to_text
 from coachable.diagram.draw import automaton_svg
 from coachable.foundation.errors import RunFolderError
 from coachable.foundation.style import (
@@ -102,10 +103,13 @@ def render(studies: Sequence[StudyReport], problems: Sequence[str], bibtex: str)
         headings=[heading(study.runs) if study.runs else study.run.experiment.name for study in studies],
         summaries=[summary(study.claims) if study.claims else "" for study in studies],
         single=len(studies) == 1 and any(claim.comparisons for claim in studies[0].claims),
+        walkers=any(study.draws_walks for study in studies),
+        undrawn=[study for study in studies if not study.draws_walks],
         claims=_claims(studies),
         sections=_sections(studies),
         paper_column=PAPER,
-        automata=[Markup(automaton_svg(study.run.behaviour)) for study in studies],
+        automata={study.label: Markup(automaton_svg(study.run.behaviour)) for study in studies},
+        descriptions={study.label: to_text(study.run.behaviour) for study in studies},
         provenances=[provenance(study) for study in studies],
         embedded=[_embedded(study, part) for study, part in zip(studies, data, strict=True)],
         bibtex=bibtex,
@@ -187,6 +191,8 @@ def _sections(studies: Sequence[StudyReport]) -> list[dict[str, Any]]:
 
 def _embedded(study: StudyReport, data: dict[str, Any]) -> str:
     """A sentence on which walks are in the page, if not all are."""
+    if not study.draws_walks:
+        return ""
     stored = sum(lane["name"] in study.walks for lane in data["lanes"])
     embedded = sum(lane["walk"] is not None for lane in data["lanes"])
     if embedded == stored:

@@ -33,7 +33,8 @@ def provenance(study: StudyReport) -> Provenance:
         f"coachable train plan.toml --out {out}",
         f"coachable table {out}",
         f"coachable report {out}",
-        f"coachable watch {out} --setup {plan.setups[0].name} --seed {plan.first_seed} -o gait.gif",
+        *([f"coachable gait {out}"] if study.run.has_table("gaits") else []),
+        study.watch_command,
     ]
     made = dict(manifest["versions"]) | dict(manifest["platform"])
     made["commit"] = manifest.get("git_commit")

@@ -4,8 +4,9 @@
 /** Builds the gallery; `choose(study, lane)` is called with the one that is chosen. Returns what redraws it. */
 async function buildGallery(studies, setupNames, choose) {
   const gallery = document.getElementById("gallery");
+  if (!gallery) return () => {}; // no study of this page has a walker
   const pictures = [];
-  for (const study of studies) {
+  for (const study of studies.filter((one) => one.plant)) {
     const poses = await unpack(study.poses);
     if (studies.length > 1) gallery.append(element("h3", study.label));
     for (const setup of study.setups) {

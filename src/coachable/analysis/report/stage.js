@@ -10,7 +10,7 @@ function buildStage(studies) {
   const get = (id) => document.getElementById(id);
   const withWalks = studies.filter((study) => study.lanes.some((lane) => lane.walk));
   if (!withWalks.length) {
-    get("no-walks").hidden = false;
+    if (stage) get("no-walks").hidden = false; // a page without walkers has neither
     return { show: () => {}, redraw: () => {}, pose: () => {} };
   }
   stage.hidden = false;

@@ -9,17 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from coachable.analysis.claims import Claim, decide
+from coachable.analysis.gait_table import gait_sections
 from coachable.analysis.measurements import Measurements, measure, measure_so_far
 from coachable.analysis.report.curves import curves, updates
 from coachable.analysis.report.walks import (
     Walks,
     baseline_walk,
+    can_draw_walks,
     even_selection,
     packed_poses,
     packed_walk,
     stored_walks,
 )
-from coachable.analysis.sections import Section, sections_of
+from coachable.analysis.sections import Section, sections_of, settings
 from coachable.behaviours.expressions import Number, Variable
 from coachable.behaviours.predicates import Comparison, Predicate
 from coachable.behaviours.rewriting import conjuncts
@@ -61,13 +63,53 @@ class StudyReport:
         num_lanes = sum(setup.num_runs for setup in self.runs.setups)
         return (
             f"{self.label} is {word}: shown are {num_lanes} of {len(plan.lanes)} lanes up to step "
-            f"{self.runs.steps:,} of {plan.steps:,}. Claims and tables come when it is complete."
+            f"{self.runs.steps:,} of {plan.steps:,}. "
+            f"{'Claims and tables' if self.runs.has_baseline else 'Tables'} come when it is complete."
+        )
+
+    @property
+    def draws_walks(self) -> bool:
+        """Whether its walks can be drawn."""
+        return can_draw_walks(self.run.experiment)
+
+    @property
+    def absent(self) -> str:
+        """Why there are no claims and no walks, where there can be none."""
+        robot = self.run.experiment.problem.robot
+        if not self.run.experiment.problem.in_jax:
+            return (
+                f"{robot} is a Gymnasium environment: its runs keep no walks that a page could draw, and no "
+                "baseline that the paper’s claims could be about."
+            )
+        return f"This page draws walkers with two straight legs, and {robot} is none."
+
+    @property
+    def watch_command(self) -> str:
+        """What shows a policy of this run moving."""
+        plan = self.run.experiment
+        return (
+            f"coachable watch runs/{self.run.path.resolve().name} --setup {plan.setups[0].name} "
+            f"--seed {plan.first_seed} -o gait.gif"
         )
 
     def data(self, most_walks: int) -> dict[str, Any]:
         """What the page's script reads, with at most so many walks."""
         experiment, lanes = self.run.experiment, self._lanes()
-        problem = experiment.require_plant("the page's walkers")
+        data = {
+            "label": self.label,
+            "steps": experiment.steps,
+            "wallSeconds": self.run.manifest.get("wall_seconds") if self.complete else None,
+            "setups": list(self.setup_names),
+            "curves": curves(self.runs) if self.runs else [],
+            "updates": updates(self.runs) if self.runs else [],
+            "lanes": lanes,
+            "plant": None,
+        }
+        return data | self._drawn(lanes, most_walks) if self.draws_walks else data
+
+    def _drawn(self, lanes: list[dict[str, Any]], most_walks: int) -> dict[str, Any]:
+        """What the walkers are drawn from; the lanes whose walk is in the page get it."""
+        problem = self.run.experiment.require_plant("a walk")
         by_setup = {name: [lane for lane in lanes if lane["setup"] == name] for name in self.setup_names}
         share = most_walks // max(1, len(by_setup))
         chosen = {
@@ -80,7 +122,6 @@ class StudyReport:
             lane["walk"] = packed_walk(self.walks[lane["name"]]) if id(lane) in chosen else None
         plant: Any = problem.plant.parameters
         return {
-            "label": self.label,
             "distance": "hip" if problem.distance == "hip_x" else "stance foot",
             "plant": {
                 "leg": plant.leg_length,
@@ -93,12 +134,6 @@ class StudyReport:
                 {"name": phase.name, "title": phase.title, "box": _box(phase.predicate)}
                 for phase in self.run.behaviour.phases
             ],
-            "steps": experiment.steps,
-            "wallSeconds": self.run.manifest.get("wall_seconds") if self.complete else None,
-            "setups": list(self.setup_names),
-            "curves": curves(self.runs) if self.runs else [],
-            "updates": updates(self.runs) if self.runs else [],
-            "lanes": lanes,
             "poses": packed_poses([self.walks.get(lane["name"]) for lane in lanes]),
             "baseline": baseline_walk(self.walks, (self.run.baseline or {}).get("controller", "")),
         }
@@ -116,17 +151,24 @@ class StudyReport:
         for setup in self.runs.setups if self.runs else ():
             for row, seed in enumerate(setup.seeds.tolist()):
                 lanes[f"{setup.name}-{seed}"] |= {
-                    "distance": _rounded(setup.final_distance[row], 4),
-                    "fell": bool(setup.final_fell[row]),
-                    "inCycle": _rounded(setup.final_share_in_cycle[row], 4),
-                    "secondsUp": _rounded(setup.seconds_up[row], 2),
-                    "perturbedUp": _rounded(setup.perturbed_up[row], 4),
-                }
-        known = [lane for lane in lanes.values() if "distance" in lane or lane["name"] in self.walks]
+                    name: _rounded(setup.final[column][row], digits)
+                    for name, column, digits in _OF_A_LANE
+                    if column in setup.final
+                } | ({"fell": bool(setup.final_fell[row])} if "fell" in setup.final else {})
+        known = [lane for lane in lanes.values() if len(lane) > 3 or lane["name"] in self.walks]
         order = {name: place for place, name in enumerate(self.setup_names)}
         return sorted(
-            known, key=lambda lane: (order[lane["setup"]], -lane.get("distance", 0.0), lane["seed"])
+            known, key=lambda lane: (order[lane["setup"]], -(lane.get("distance") or 0.0), lane["seed"])
         )
+
+
+_OF_A_LANE = (
+    ("distance", "distance", 4),
+    ("inCycle", "share_in_cycle", 4),
+    ("secondsUp", "seconds_up", 2),
+    ("perturbedUp", "perturbed_up", 4),
+)
+"""What the page's script knows of a lane's last policy: its name there, the column, and how many decimals."""
 
 
 def read_study(path: Path, tell: Tell) -> StudyReport:
@@ -143,32 +185,40 @@ def read_study(path: Path, tell: Tell) -> StudyReport:
     except RunFolderError as error:
         problems.append(str(error))
     if runs and run.status == "complete":
-        tell(f"{path}: deciding the claims")
-        claims = decide(runs)
+        if runs.has_baseline:
+            tell(f"{path}: deciding the claims")
+            claims = decide(runs)
         tell(f"{path}: statistics")
         sections = sections_of(runs, claims)
-    if run.status == "complete" or (path / "trajectories.parquet").exists():
+    if can_draw_walks(run.experiment) and (run.status == "complete" or run.has_table("trajectories")):
         tell(f"{path}: walks")
         try:
             walks = stored_walks(run)
         except RunFolderError as error:
             problems.append(str(error))
-    try:
-        sections = (*sections, *_passports(path))
-    except RunFolderError as error:
-        problems.append(str(error))
+    for more in (_gaits, _passports):
+        try:
+            sections = (*sections, *more(run))
+        except RunFolderError as error:
+            problems.append(str(error))
+    if run.baseline is None:
+        sections = (*sections, *settings(run.experiment))
     return StudyReport(run.experiment.name, run, runs, claims, sections, walks, tuple(problems))
 
 
 def labels(studies: Sequence[StudyReport]) -> tuple[str, ...]:
     """A short name for each study: the first thing in which they all differ."""
     plans = [study.run.experiment for study in studies]
-    problems = [plan.require_plant("the page's walkers") for plan in plans]
+    problems = [plan.problem.to_data() for plan in plans]
     for names in (
         [plan.name for plan in plans],
-        [f"{problem.semantics} semantics" for problem in problems],
+        [plan.problem.robot for plan in plans],
+        [
+            f"{problem['semantics']} semantics" if "semantics" in problem else plan.problem.robot
+            for plan, problem in zip(plans, problems, strict=True)
+        ],
         [f"trained by {plan.trainer.name}" for plan in plans],
-        [f"reward read as {problem.reward_variant}" for problem in problems],
+        [f"reward read as {problem.get('reward_variant', 'described')}" for problem in problems],
         [study.run.path.resolve().name for study in studies],
     ):
         if len(set(names)) == len(studies):
@@ -176,9 +226,14 @@ def labels(studies: Sequence[StudyReport]) -> tuple[str, ...]:
     return tuple(f"{plan.name} ({place})" for place, plan in enumerate(plans, start=1))
 
 
-def _passports(path: Path) -> tuple[Section, ...]:
+def _gaits(run: Run) -> tuple[Section, ...]:
+    """The tables of the gaits, if `coachable gait` has measured them."""
+    return gait_sections(run) if run.has_table("gaits") else ()
+
+
+def _passports(run: Run) -> tuple[Section, ...]:
     """The table of gait passports, if `coachable verify` has written one."""
-    file = path / "passports" / "summary.json"
+    file = run.path / "passports" / "summary.json"
     if not file.exists():
         return ()
     try:

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow.compute as pc
 
 from coachable.analysis.report.packing import pack
+from coachable.experiments.experiment import Experiment
 from coachable.experiments.run_folder.reader import Run
 
 MOST_WALKS = 128
@@ -28,6 +29,14 @@ _TICK = 0.0005
 
 Walks = Mapping[str, dict[str, np.ndarray]]
 """The columns of each stored walk, by lane."""
+
+
+def can_draw_walks(experiment: Experiment) -> bool:
+    """Whether the page can draw the walks of an experiment: it knows walkers with two straight legs."""
+    if not experiment.problem.in_jax:
+        return False
+    plant = experiment.require_plant("a walk").plant
+    return set(_STATE) <= {*plant.state_names, *plant.control_names, "foot_x"}
 
 
 def stored_walks(run: Run) -> Walks:
