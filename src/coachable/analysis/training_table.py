@@ -25,6 +25,7 @@ MEASURES = {
     "environment": ("environment's return", 1.0),
     "behaviour": ("behaviour's return", 1.0),
     "share_in_cycle": ("steps in the cycle [%]", 100.0),
+    "cycles": ("whole cycles", 1.0),
     "fell": ("episodes that fell [%]", 100.0),
     "length": ("episode's length [steps]", 1.0),
     "distance": ("distance [m]", 1.0),
