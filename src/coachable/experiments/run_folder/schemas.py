@@ -121,17 +121,21 @@ GAITS = _columns(
     ("cycles", pa.float32(), "1/s"),
     ("speed", pa.float32(), "m/s"),
     ("transport", pa.float32(), ""),
+    ("strides", pa.float32(), ""),
+    ("step_time", pa.float32(), "s"),
+    ("step_length", pa.float32(), "m"),
     ("duty", pa.float32(), ""),
     ("flight", pa.float32(), ""),
     ("alternation", pa.float32(), ""),
     ("lag", pa.float32(), ""),
     ("asymmetry", pa.float32(), "%"),
+    added=("strides", "step_time", "step_length"),
 )
 """What `coachable gait` measures, one row an episode; see `gaits.measures`.
 
 `follows` is the share of steps that belong to the behaviour; `cycles` how many of its cycles are completed a
 second, NaN if it has none; `dt` the time between two steps; `environment` the return without the behaviour's
-part.
+part. Strides and steps are null in older tables, which lack them.
 """
 
 
