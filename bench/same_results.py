@@ -33,7 +33,10 @@ from pathlib import Path
 
 from bench.differences import Difference, compare_folders
 
-EXPECTED: Mapping[str, str] = {}
+EXPECTED: Mapping[str, str] = {
+    "published-run/printed-02-gait.txt": "`coachable gait` measures steps, too",
+    "published-run/hop-described/gaits.md": "`coachable gait` measures steps, too",
+}
 """CASE/FILE or CASE/FILE:COLUMN, a pattern of `fnmatch` → why it differs."""
 
 EXPECTED_WORDS: Mapping[str, str] = {

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from coachable.automata.cycle_progress import completed_cycles
 from coachable.automata.monitor import Monitor
 from coachable.automata.violation import Kind
 from coachable.behaviours import All, Any, Behaviour, Comparison, Dwell, Edge, Not, Phase, Phrase, Signal
@@ -117,8 +118,10 @@ def cycling(*cycle):
 )
 def test_a_cycle_is_completed_when_all_its_edges_were_gone_along_in_order(cycle, trace, completed):
     monitor = Monitor(cycling(*cycle))
-    monitor.feed_rows(np.arange(len(trace)), {"x": [{"A": 0, "B": 1, "C": 2, ".": 9}[at] for at in trace]})
+    xs = [{"A": 0, "B": 1, "C": 2, ".": 9}[at] for at in trace]
+    locations, _ = monitor.feed_rows(np.arange(len(trace)), {"x": xs})
     assert monitor.report().cycles == (completed,)
+    assert completed_cycles(monitor.behaviour, locations) == completed
 
 
 def test_stays_are_counted_from_entry_to_exit_and_only_whole_ones():

@@ -19,6 +19,7 @@ import torch
 from coachable import cli
 from coachable.analysis.measurements import measure
 from coachable.analysis.training_table import by_seed
+from coachable.automata.monitor import Monitor
 from coachable.behaviours.text.parser import parse
 from coachable.experiments.assessment import assessment
 from coachable.experiments.experiment import Lane
@@ -103,9 +104,13 @@ def test_evaluations_are_what_the_last_policy_reaches(run):
         measure = assessment(run.experiment, Lane(setup.name, 0))
         again = measure.evaluate(run.policy(setup.name, 0))
         mine = (columns["lane"] == f"{setup.name}-0") & (columns["step"] == 256)
-        for name in ("return", "environment", "behaviour", "length", "share_in_cycle"):
+        for name in ("return", "environment", "behaviour", "length", "share_in_cycle", "cycles"):
             np.testing.assert_allclose(columns[name][mine], again[name], rtol=1e-4, err_msg=name)
         assert (columns["length"][mine] == 200).all()
+        monitor = Monitor(run.behaviour)
+        first = recorded_walk(run, setup.name, 0)
+        monitor.feed_rows(first.time, first.trace.values)
+        assert monitor.report().cycles == (columns["cycles"][mine][0],)
         assert not columns["fell"][mine].any(), "an episode that was cut off has not fallen"
 
 
@@ -368,6 +373,7 @@ def test_runs_of_format_version_1_can_be_read():
     run = Run.open(published)
     assert run.manifest["format_version"] == 1
     assert run.experiment.problem.robot == "Walker2d-v5"
+    assert np.isnan(run.columns("evaluations")["cycles"]).all(), "that version did not count them"
     assert len(run.columns("gaits")["lane"]) == 10 * len(run.lanes)
     lane = run.lanes[0]
     assert run.policy(lane.setup, lane.seed).weights[0].shape[1] == 17

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import coachable as co
+from coachable.automata.cycle_progress import completed_cycles
 from coachable.experiments import runner
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.run_folder.schemas import DIAGNOSTICS, schemas
@@ -117,6 +118,7 @@ def test_evaluations_trajectories_and_policies_tell_the_same_walk(small_run, whi
         assert walk["foot_x"][-1] == evaluations["foot_x"][row]
         assert np.allclose(sums, [evaluations[name][row] for name in TERM_NAMES], rtol=1e-5)
         assert np.isclose(np.dot(setup.weights, sums), evaluations["return"][row], rtol=1e-4)
+        assert evaluations["cycles"][row] == completed_cycles(small_run.behaviour, walk["phase"])
         assert np.mean(walk["phase"][1:] < 4) == pytest.approx(evaluations["share_in_cycle"][row], rel=1e-5)
 
 

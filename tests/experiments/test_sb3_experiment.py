@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("stable_baselines3", reason="needs the [sb3] extra: pip install 'coachable[sb3]'")
 
+from coachable.automata.cycle_progress import completed_cycles
 from coachable.envs.rollout import rollout, summary
 from coachable.experiments.plan import load_plan, parse_plan
 from coachable.experiments.runner import run_experiment
@@ -66,6 +67,7 @@ def test_the_kept_policy_walks_as_the_last_evaluation_tells(run, experiment):
         assert float(walk.episode_return) == pytest.approx(last["return"], rel=1e-5)
         stored = run.trajectory(lane.setup, lane.seed)
         assert len(stored["t"]) == last["length"] + 1
+        assert last["cycles"] == completed_cycles(run.behaviour, stored["phase"])
 
 
 def test_setups_differ_in_what_they_pay_and_not_in_the_seed(run):

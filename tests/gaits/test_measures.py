@@ -48,7 +48,7 @@ def two(left, right, **rest):
         (two(1.0, 1.0), "shuffles"),
         (clockwork({"": 0.4}), "hops"),
         (clockwork({"": 1.0}), "shuffles"),
-        (clockwork({}), "shuffles"),
+        (clockwork({}), "moves"),
         (clockwork({"a_": 0.3, "b_": 0.3, "c_": 0.3, "d_": 0.3}), "moves"),
     ],
 )

@@ -1,5 +1,6 @@
 """A small training of Walker2d: its walks are recorded, drawn and measured, and nothing is made up."""
 
+import json
 from dataclasses import replace
 
 import equinox as eqx
@@ -174,6 +175,18 @@ def test_a_record_holds_the_very_numbers(run, walk, tmp_path, suffix, capsys):
     np.testing.assert_array_equal(trace.time, walk.time)
     for name, values in walk.trace.values.items():
         np.testing.assert_array_equal(trace.values[name], values)
+
+
+def test_explaining_a_run_explains_the_walk_that_is_recorded(run, tmp_path, capsys):
+    explained = []
+    cli.main(["record", str(run.path), "--setup", "both", "-o", str(tmp_path / "walk.parquet")])
+    capsys.readouterr()
+    own = str(run.path / "behaviour.behaviour")
+    for source in ([str(run.path), "--setup", "both"], [own, str(tmp_path / "walk.parquet")]):
+        with pytest.raises(SystemExit, match="1"):
+            cli.main(["explain", *source, "--json"])
+        explained.append(json.loads(capsys.readouterr().out) | {"trace": ""})
+    assert explained[0] == explained[1]
 
 
 @pytest.mark.parametrize(

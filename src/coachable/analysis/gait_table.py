@@ -18,6 +18,9 @@ MEASURES = {
     "share_in_cycle": ("in the cycle [%]", 100.0),
     "follows": ("follows [%]", 100.0),
     "cycles": ("whole cycles [1/s]", 1.0),
+    "strides": ("strides", 1.0),
+    "step_time": ("step time [s]", 1.0),
+    "step_length": ("step length [m]", 1.0),
     "alternation": ("alternation [%]", 100.0),
     "asymmetry": ("asymmetry [%]", 1.0),
     "flight": ("flight [%]", 100.0),
@@ -30,9 +33,10 @@ NOTE = (
     "Deterministic episodes of one policy a seed; means over seeds of means over episodes, with 95 % "
     "bootstrap intervals over seeds. A seed's gait is that of most of its episodes, told by its footfalls. "
     "Follows: steps that the description pays +1. Whole cycles: all edges of one gone along, one after "
-    "another. Alternation: touchdowns by the other foot than the last. Asymmetry: the feet's times on the "
-    "ground, difference over mean. Cost of transport: work of the motors, braking counted as driving, per "
-    "weight and distance. A speed was reached after the steps of the first evaluation that was so fast."
+    "another. Strides: of the busiest foot, an episode. Alternation: touchdowns by the other foot than the "
+    "last. Asymmetry: the feet's times on the ground, difference over mean. Cost of transport: work of the "
+    "motors, braking counted as driving, per weight and distance. A speed was reached after the steps of the "
+    "first evaluation that was so fast."
 )
 
 
@@ -122,7 +126,7 @@ def _over_seeds(run: Run, gaits: dict[str, np.ndarray], setup: str, measure: str
 
 def _reached(run: Run, setup: str, metres_a_step: float) -> str:
     """After how many thousand steps the evaluations were so fast, and of how many seeds."""
-    steps, distance = by_seed(run, setup, "distance")
+    steps, distance = by_seed(run, setup, run.experiment.problem.distance)
     _, length = by_seed(run, setup, "length")
     fast = distance >= metres_a_step * length
     first = [int(steps[row.argmax()]) for row in fast if row.any()]

@@ -85,6 +85,7 @@ _KNOWN = (
         depends_on="reward",
     ),
     replace(IN_CYCLE, axis="share of steps in the cycle"),
+    Measure("cycles", "Whole cycles", "cycles in an episode", "cycles", depends_on="behaviour"),
     Measure("fell", "Falls", "share of episodes that ended in a fall", "fell", "%"),
     Measure("length", "Episode's length", "steps", "length", "steps"),
     DISTANCE,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
 from jaxtyping import Bool, Int
 
 from coachable.behaviours.behaviour import Behaviour, Edge
@@ -46,6 +47,22 @@ def along_cycle(
         after.append(where(moved, where(along, progress[index - 1] + 1, 0), progress[index]))
         completed = completed | (after[-1] == len(cycle))
     return tuple(where(completed, 0, count) for count in after), completed
+
+
+def completed_cycles(behaviour: Behaviour, locations: Int[np.ndarray, " samples"]) -> int:
+    """How many times a sequence of locations completes any of a behaviour's cycles, as a `Monitor` counts.
+
+    **Arguments:** `locations`: a phase 0 … K−1 at each sample, or K outside.
+    """
+    moves = np.flatnonzero(np.diff(locations))
+    cycles = [pairs(behaviour, cycle) for cycle in behaviour.cycles]
+    progress: list[Progress] = [(0,) * len(cycle) for cycle in cycles]
+    count = 0
+    for source, target in zip(locations[moves].tolist(), locations[moves + 1].tolist(), strict=True):
+        for index, cycle in enumerate(cycles):
+            progress[index], completed = along_cycle(cycle, progress[index], source, target, choose)
+            count += bool(completed)
+    return count
 
 
 def choose(condition: bool, one: Any, other: Any) -> Any:

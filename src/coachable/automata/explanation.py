@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ from pyarrow import csv as pa_csv
 
 from coachable.automata.monitor import Monitor
 from coachable.automata.monitor_report import MonitorReport
-from coachable.automata.trace import seconds
+from coachable.automata.trace import Trace, seconds
 from coachable.automata.trace_file import read_trace
 from coachable.automata.violation import Violation
 from coachable.behaviours.behaviour import Behaviour, Edge
@@ -48,17 +48,33 @@ def explain(
     """
     if phases is not None and phases.exists() and trace.exists() and phases.samefile(trace):
         raise TraceError(f"{phases}: this is the trace; give another file for the phases")
+    parts = read_trace(trace, behaviour.signals, dt)
+    explanation = explain_parts(behaviour, parts, str(trace), limit, phases, progress)
+    if not explanation.report.samples:
+        raise TraceError(f"{trace}: it has a header but no rows")
+    return explanation
+
+
+def explain_parts(
+    behaviour: Behaviour,
+    parts: Iterable[Trace],
+    title: str,
+    limit: int | None = 20,
+    phases: Path | None = None,
+    progress: Callable[[MonitorReport], None] = lambda report: None,
+) -> Explanation:
+    """Monitor a trace that comes in consecutive parts; the arguments are those of `explain`.
+
+    **Raises:** `TraceError` if the trace lacks one of the behaviour's signals.
+    """
     monitor, shown = Monitor(behaviour), []
     with _phase_writer(phases, behaviour) as write:
-        for chunk in read_trace(trace, behaviour.signals, dt):
+        for chunk in parts:
             locations, violations = monitor.feed_rows(chunk.time, chunk.values)
             shown += violations if limit is None else violations[: max(limit - len(shown), 0)]
             write(chunk.time, locations)
             progress(monitor.report())
-    report = monitor.report()
-    if not report.samples:
-        raise TraceError(f"{trace}: it has a header but no rows")
-    return Explanation(str(trace), report, tuple(shown))
+    return Explanation(title, monitor.report(), tuple(shown))
 
 
 def as_text(explanation: Explanation) -> str:

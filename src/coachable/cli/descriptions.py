@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from coachable.cli.options import json_text, option
+from coachable.cli.options import LaneSeed, LaneSetup, WhichPolicy, json_text, option
 from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
@@ -198,15 +198,23 @@ def diff(
 
 def explain(
     behaviour: Annotated[
-        Positional[str], arg(metavar="FILE", help="A .behaviour file, or the name of one that ships.")
-    ],
-    trace: Annotated[
-        Positional[Path],
+        Positional[str],
         arg(
-            metavar="TRACE",
-            help="Recorded signals, a column each, and the time: CSV (also .csv.gz) or Parquet.",
+            metavar="FILE|RUN",
+            help="A .behaviour file, the name of one that ships, or a run folder for the run's own.",
         ),
     ],
+    trace: Annotated[
+        Positional[Path | None],
+        arg(
+            metavar="TRACE",
+            help="Recorded signals, a column each, and the time: CSV (also .csv.gz) or Parquet; or RUN.",
+            help_behavior_hint="(default: a walk of RUN)",
+        ),
+    ] = None,
+    setup: LaneSetup = None,
+    seed: LaneSeed = None,
+    which: WhichPolicy = "last",
     dt: Annotated[
         float | None, option("SECONDS", "Time between two rows.", otherwise="the column t or time")
     ] = None,
@@ -220,28 +228,54 @@ def explain(
     """Tell where a recorded trace follows a behaviour, and where and why it does not.
 
     Column names are the behaviour's signals, with or without their unit: dtheta_1 or "dtheta_1 [rad/s]".
-    Exits 0 if the trace follows the behaviour, 1 if it does not, 2 if something cannot be read. For example:
+    Of a run, the trace is a lane's evaluation episode, with --setup, --seed and --which. Exits 0 if
+    the trace follows the behaviour, 1 if it does not, 2 if something cannot be read. For example:
 
         coachable explain compass-walking log.csv
         coachable explain mine.behaviour log.csv.gz --dt 0.002 --limit 5
         coachable explain mine.behaviour log.parquet --json --phases phases.csv
+        coachable explain runs/paper --setup orthant --seed 3
+        coachable explain mine.behaviour runs/walker2d --setup both --which best
     """
     from rich.console import Console
 
-    from coachable.automata.explanation import as_json, as_text
+    from coachable.automata.explanation import as_json, as_text, explain_parts
     from coachable.automata.explanation import explain as watch_trace
     from coachable.behaviours.library import load_behaviour
 
-    described = load_behaviour(behaviour)
-    with Console(stderr=True).status("") as status:
-        explanation = watch_trace(
-            described,
-            trace,
-            dt,
-            None if all else limit,
-            phases,
-            lambda report: status.update(f"{report.samples:,} rows, up to t = {report.end:.3f} s"),
+    source = Path(behaviour) if trace is None else trace
+    is_run = source.is_dir()
+    if trace is None and not is_run:
+        raise CoachableError(
+            f"{behaviour} is no run folder, so name a TRACE too: explain {behaviour} log.csv"
         )
+    if not is_run and (setup is not None or seed is not None or which != "last"):
+        raise CoachableError(
+            f"--setup, --seed and --which are for a run, and {source} is none; leave them out"
+        )
+    if is_run and dt is not None:
+        raise CoachableError("--dt is for a file without times, and a run has its own; leave it out")
+    described = None if trace is None else load_behaviour(behaviour)
+    shown = None if all else limit
+    with Console(stderr=True).status("") as status:
+        if is_run:
+            from coachable.experiments.recorded_episodes import recorded_walk
+            from coachable.experiments.run_folder.reader import open_run
+
+            run = open_run(source)
+            lane = run.lane(setup, seed)
+            walk = recorded_walk(run, lane.setup, lane.seed, which)
+            title = f"{source}, {lane.name}, {which} policy,"
+            explanation = explain_parts(described or run.behaviour, [walk.trace], title, shown, phases)
+        else:
+            explanation = watch_trace(
+                described or load_behaviour(behaviour),
+                source,
+                dt,
+                shown,
+                phases,
+                lambda report: status.update(f"{report.samples:,} rows, up to t = {report.end:.3f} s"),
+            )
     print(json_text(as_json(explanation)) if json else as_text(explanation))
     if not explanation.report.follows:
         sys.exit(1)

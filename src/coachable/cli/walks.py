@@ -128,9 +128,12 @@ def record(
 ) -> None:
     """Record what a trained robot's signals are while it goes: a column each, for `coachable explain`.
 
+    Of a plant of coachable, episode 0 is the evaluation episode in RUN; the others begin near its start.
+
     For example:
 
         coachable record runs/walker2d --setup both --seed 0 -o walk.csv
+        coachable record runs/paper --setup orthant --seed 3 --which best -o walk.parquet
         coachable explain mine.behaviour walk.csv
     """
     from coachable.automata.trace_file import write_trace
@@ -162,6 +165,7 @@ def gait(
     For example:
 
         coachable gait runs/walker2d
+        coachable gait runs/paper
         coachable gait runs/walker2d --episodes 20 --speed 1.5 --out results/walker2d
     """
     from coachable.analysis.gait_table import tell_gaits
@@ -177,9 +181,13 @@ def gait(
         raise PlanError(f"speed must be a finite number, got {speed}")
     opened = Run.open(run)
     with walkers_progress("gait", len(opened.lanes)) as tell:
-        walks = survey(opened, episodes, which, tell)
+        surveyed = survey(opened, episodes, which, tell)
     tell_gaits(opened, speed, out or run)
-    picture = footfalls(walks)
+    for sentence in surveyed.absent:
+        print(f"not measured: {sentence}")
+    if not surveyed.footfalls:
+        return
+    picture = footfalls(surveyed.footfalls)
     for suffix in ("svg", "png"):
         path = (out or run) / f"footfalls.{suffix}"
         save(picture, path)

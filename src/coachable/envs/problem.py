@@ -43,6 +43,11 @@ class Problem(abc.ABC):
     def robot(self) -> str:
         """The robot's name in headings and messages."""
 
+    @property
+    @abc.abstractmethod
+    def distance(self) -> str:
+        """The column of evaluations that holds how far the robot came [m]."""
+
     @abc.abstractmethod
     def environment(self, setup: Any, render_mode: str | None = None) -> gymnasium.Env:
         """The environment in which a lane of this setup is trained, its reward included."""
@@ -106,7 +111,7 @@ class PlantProblem(Problem):
 
     @property
     def distance(self) -> str:
-        """The measure of an evaluation that is its distance: `hip_x`, or `foot_x` in `released-code`."""
+        """`hip_x`, or `foot_x` in `released-code`."""
         return "hip_x" if self.semantics == "paper" else "foot_x"
 
     def task(self, setup: RewardSetup, *, squashing: Squashing = "clip", **options: Any) -> WalkingTask:
@@ -184,6 +189,11 @@ class EnvironmentProblem(Problem):
     def robot(self) -> str:
         """The environment's id."""
         return self.env
+
+    @property
+    def distance(self) -> str:
+        """`distance`: how far `x_position` in the infos moved."""
+        return "distance"
 
     def environment(self, setup: DescribedSetup, render_mode: str | None = None) -> BehaviourReward:
         """The environment with the described reward around it.

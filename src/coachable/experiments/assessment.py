@@ -12,6 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coachable.automata.cycle_progress import completed_cycles
+from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.own_reward import OWN
 from coachable.envs.problem import PlantProblem
 from coachable.envs.rollout import Summary, rollout, summary
@@ -57,7 +59,14 @@ class _OfPlant(Assessment):
     def __init__(self, experiment: Experiment, lane: Lane):
         tasks = Tasks.of(experiment)
         evaluation = tasks.weighted(tasks.evaluation, lane)
-        self._walk = eqx.filter_jit(lambda policy: summary(evaluation, rollout(evaluation, policy)))
+        self._behaviour = experiment.behaviour
+        self._location_at_start = int(evaluation.locate(evaluation.x0))
+
+        def walk(policy: Policy) -> tuple[Summary, jax.Array, jax.Array]:
+            episode = rollout(evaluation, policy)
+            return summary(evaluation, episode), episode.timesteps.phase, episode.alive
+
+        self._walk = eqx.filter_jit(walk)
         self._survive = eqx.filter_jit(
             lambda policy: (
                 time_up(tasks.long, policy, tasks.long.x0)[0],
@@ -69,7 +78,8 @@ class _OfPlant(Assessment):
         return {}
 
     def evaluate(self, policy: Policy) -> Columns:
-        walk: Summary = jax.device_get(self._walk(policy))
+        walk, phases, alive = jax.device_get(self._walk(policy))
+        locations = np.append(self._location_at_start, phases[alive])
         numbers = {
             "return": walk.episode_return,
             "hip_x": walk.hip_x,
@@ -77,6 +87,7 @@ class _OfPlant(Assessment):
             "length": walk.length,
             "fell": walk.fell,
             "share_in_cycle": walk.share_in_cycle,
+            "cycles": np.int32(completed_cycles(self._behaviour, locations)),
             **dict(zip(TERM_NAMES, walk.terms, strict=True)),
         }
         return {name: np.asarray(number)[None] for name, number in numbers.items()}
@@ -97,6 +108,7 @@ class _InEnvironment(Assessment):
     def __init__(self, experiment: Experiment, lane: Lane):
         self._env = experiment.problem.environment(experiment.setup(lane.setup))
         self._count = experiment.evaluation_episodes
+        self._behaviour = experiment.behaviour
         self._outside = len(experiment.behaviour.phases)
 
     def sums_of(self, info: Mapping[str, Any]) -> Mapping[str, float]:
@@ -108,7 +120,7 @@ class _InEnvironment(Assessment):
         }
 
     def evaluate(self, policy: Policy) -> Columns:
-        return roll_out_episodes(self._env, policy, self._count, self.sums_of)
+        return roll_out_episodes(self._env, policy, self._count, self.sums_of, self._behaviour)
 
     def finish(self, policy: Policy) -> Mapping[str, Columns]:
         return {}
@@ -119,6 +131,7 @@ def roll_out_episodes(
     policy: Policy,
     count: int,
     sums_of: Callable[[Mapping[str, Any]], Mapping[str, float]],
+    behaviour: Behaviour,
 ) -> Columns:
     """Episode after episode of a policy, a row each; episode i is reset with `EVALUATION_SEED` + i."""
     log = Log()
@@ -128,9 +141,11 @@ def roll_out_episodes(
         start = info.get("x_position", np.nan)
         sums = {"return": 0.0, OWN: 0.0, "behaviour": 0.0, "in_cycle": 0.0}
         length, terminated, truncated = 0, False, False
+        locations = [info["behaviour"]["location"]]
         while not (terminated or truncated):
             observation, reward, terminated, truncated, info = env.step(act(observation))
             length += 1
+            locations.append(info["behaviour"]["location"])
             for name, number in ({"return": float(reward)} | dict(sums_of(info))).items():
                 sums[name] += number
         row = {
@@ -138,6 +153,7 @@ def roll_out_episodes(
             "episode": episode,
             "length": length,
             "fell": bool(terminated),
+            "cycles": completed_cycles(behaviour, np.array(locations)),
             "distance": info.get("x_position", np.nan) - start,
         }
         log.add({name: np.array([value]) for name, value in row.items()})

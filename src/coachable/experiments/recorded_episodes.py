@@ -1,4 +1,4 @@
-"""Walks of a trained robot in its environment: to look at, to record, to measure."""
+"""Walks of a trained robot: to look at, to record, to measure."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Float, Int, UInt8
 from PIL import Image
 
 from coachable.automata.trace import Trace
-from coachable.behaviours.behaviour import Phase
 from coachable.envs.own_reward import OWN
 from coachable.envs.problem import EnvironmentProblem
 from coachable.envs.signals import SIGNAL_PACKS, signal_pack
@@ -23,6 +22,8 @@ from coachable.envs.signals.limbs import Limbs
 from coachable.envs.signals.reading import reader_of_one, time_step
 from coachable.experiments.assessment import actor
 from coachable.experiments.experiment import EVALUATION_SEED, Which
+from coachable.experiments.plant_walks import recorded_plant_walk
+from coachable.experiments.recorded_walk import RecordedWalk
 from coachable.experiments.run_folder.reader import Run
 from coachable.foundation.errors import ParameterError, PlanError
 from coachable.learning.policy import Policy
@@ -45,38 +46,6 @@ class RenderedWalk:
     def picture(self, sample: int) -> Image.Image:
         """What it looks like at a sample."""
         return Image.fromarray(self.pictures[sample])
-
-
-@dataclass(frozen=True, eq=False)
-class RecordedWalk:
-    """An episode: its signals, its phases and what was paid."""
-
-    title: str
-    trace: Trace
-    """Of all signals in the environment's signal pack, or of those of the behaviour."""
-    phase: Int[np.ndarray, " samples"]
-    """Location in the behaviour: 0 … K−1, or K outside all K phases."""
-    follows: Bool[np.ndarray, " samples"]
-    """Whether the step to each sample belongs to the behaviour; the first sample has none before it."""
-    phases: tuple[Phase, ...]
-    """The behaviour's."""
-    environment_return: float
-    """What the environment itself paid."""
-    behaviour_return: float
-    """What the described reward came to, with its weight."""
-    fell: bool
-    """Whether the episode terminated."""
-    limbs: tuple[str, ...] = ()
-    """Names of the parts that can be drawn: the capsules of a MuJoCo robot."""
-    ends: Float[np.ndarray, "samples limbs 2 3"] | None = None
-    """Where both ends of each are [m]."""
-    radii: Float[np.ndarray, " limbs"] | None = None
-    """[m]"""
-
-    @property
-    def time(self) -> Float[np.ndarray, " samples"]:
-        """Of the trace [s]."""
-        return self.trace.time
 
 
 def rendered_walk(run: Run, setup: str, seed: int, which: Which, seconds: float) -> RenderedWalk:
@@ -109,9 +78,12 @@ def recorded_walk(
     """An episode of a lane's evaluations, as far as it goes, from its start on.
 
     **Raises:** `RunFolderError` if the run has no such lane, `ParameterError` if its environment does not say
-    how long a step lasts.
+    how long a step lasts, `PlanError` for an episode that a plant does not have.
     """
-    problem, policy = _environment_problem(run), run.policy(setup, seed, which)
+    problem = run.experiment.problem
+    if not isinstance(problem, EnvironmentProblem):
+        return recorded_plant_walk(run, setup, seed, which, episode, seconds)
+    policy = run.policy(setup, seed, which)
     described = run.experiment.setup(setup)
     appended = len(run.behaviour.phases) + 1 if described.observe != "nothing" else 0
     with closing(problem.environment(described)) as env:
@@ -142,9 +114,10 @@ def recorded_walk(
                 for signal, column in zip(signals, zip(*rows, strict=True), strict=True)
             },
         ),
-        np.array([step.phase for step in steps]),
-        np.array([step.follows for step in steps]),
-        run.behaviour.phases,
+        phase=np.array([step.phase for step in steps]),
+        follows=np.array([step.follows for step in steps]),
+        phases=run.behaviour.phases,
+        dt=float(dt),
         environment_return=sum(step.environment for step in steps),
         behaviour_return=sum(step.behaviour for step in steps),
         fell=steps[-1].terminated,
@@ -159,13 +132,6 @@ def has_limbs(run: Run) -> bool:
         return Limbs.of(env) is not None
     finally:
         env.close()
-
-
-def _environment_problem(run: Run) -> EnvironmentProblem:
-    problem = run.experiment.problem
-    if not isinstance(problem, EnvironmentProblem):
-        raise PlanError(f"{run.path} is a run of {problem.robot}; its trajectories are stored, not recorded")
-    return problem
 
 
 class _Step(NamedTuple):

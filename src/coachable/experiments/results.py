@@ -57,6 +57,7 @@ def write_logs(folder: RunFolder, experiment: Experiment, lanes: Sequence[Traine
             columns = {
                 column: np.concatenate([part[column] for part in parts]) if parts else []
                 for column in schema.names
+                if all(column in part for part in parts)  # a checkpoint may be older than a column
             }
             folder.write_table(name, table_of(schema, columns))
 

@@ -12,7 +12,9 @@ from jaxtyping import Bool, Float
 
 from coachable.automata.monitor import Monitor
 from coachable.behaviours.behaviour import Behaviour
+from coachable.envs.problem import PlantProblem
 from coachable.experiments.experiment import Which
+from coachable.experiments.plant_walks import num_starts
 from coachable.experiments.recorded_episodes import RecordedWalk, recorded_walk
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.run_folder.schemas import GAITS
@@ -33,41 +35,57 @@ class Footfalls:
     """By their names."""
 
 
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """What a survey has to show beside the numbers in `gaits.parquet`."""
+
+    footfalls: Mapping[str, list[Footfalls]]
+    """Of each seed's first episode, by setup; empty where it is not known which foot stands."""
+    absent: tuple[str, ...]
+    """Sentences about what could not be measured."""
+
+
 def survey(
     run: Run,
     episodes: int,
     which: Which = "last",
     tell: Callable[[str, float], None] = lambda name, share: None,
-) -> dict[str, list[Footfalls]]:
+) -> Survey:
     """Walk every lane's policy through so many episodes, each from another start; write `gaits.parquet`.
 
-    `tell` is told of which lane another share of its episodes is done.
+    A plant that has one start walks one episode.
 
-    **Returns:** by setup, the footfalls of each seed's first episode.
+    **Arguments:** `tell`, called with a lane whenever another share of its episodes is done.
 
-    **Raises:** as `recorded_walk`, and `ParameterError` for a robot whose feet nobody tells of.
+    **Raises:** as `recorded_walk`, and `ParameterError` for an environment without signals of its feet.
     """
     rows: list[dict[str, Any]] = []
     first: dict[str, list[Footfalls]] = {}
+    absent: dict[str, None] = {}
+    problem = run.experiment.problem
+    if isinstance(problem, PlantProblem):
+        episodes = num_starts(problem.plant, episodes)
     for setup in run.experiment.setups:
         for seed in run.experiment.seeds:
             for episode in range(episodes):
                 walk = recorded_walk(run, setup.name, seed, which, episode)
-                if not feet(walk.trace):
+                absent |= dict.fromkeys(walk.absent)
+                on_ground = feet(walk.trace)
+                if not on_ground and not isinstance(problem, PlantProblem):
                     raise ParameterError(
-                        f"{run.experiment.problem.robot} has no signal that ends in {CONTACT}, so there are "
+                        f"{problem.robot} has no signal that ends in {CONTACT}, so there are "
                         "no footfalls; give the plan one for every foot, 1 while it is on the ground"
                     )
                 rows.append(
                     {"lane": run.lane(setup.name, seed).name, "episode": episode, **_row(run.behaviour, walk)}
                 )
-                if episode == 0:
-                    shown = Footfalls(f"seed {seed}: {rows[-1]['gait']}", walk.time, feet(walk.trace))
+                if episode == 0 and on_ground:
+                    shown = Footfalls(f"seed {seed}: {rows[-1]['gait']}", walk.time, on_ground)
                     first.setdefault(setup.name, []).append(shown)
                 tell(f"{setup.name}, seed {seed}", 1 / episodes)
     table = table_of(GAITS, {name: [row[name] for row in rows] for name in GAITS.names})
     write_atomic(run.path / "gaits.parquet", table_bytes(table))
-    return first
+    return Survey(first, tuple(absent))
 
 
 def _row(behaviour: Behaviour, walk: RecordedWalk) -> dict[str, Any]:
@@ -77,7 +95,7 @@ def _row(behaviour: Behaviour, walk: RecordedWalk) -> dict[str, Any]:
     cycles = monitor.report().cycles
     return {
         "gait": gait(walk.trace),
-        "dt": float(walk.time[1]),
+        "dt": walk.dt,
         "length": len(walk.time) - 1,
         "environment": walk.environment_return,
         "fell": walk.fell,

@@ -29,16 +29,18 @@ Null where the learner does not report one, and in older tables, which lack them
 """
 
 
-def _columns(*columns: tuple[str, pa.DataType, str]) -> pa.Schema:
+def _columns(*columns: tuple[str, pa.DataType, str], added: tuple[str, ...] = ()) -> pa.Schema:
+    """The schema of a table, where those columns are nullable that were `added` since older tables."""
     return pa.schema(
         [
-            pa.field(name, kind, nullable=name in DIAGNOSTICS, metadata={"unit": unit} if unit else None)
+            pa.field(name, kind, nullable=name in added, metadata={"unit": unit} if unit else None)
             for name, kind, unit in columns
         ]
     )
 
 
 _LANE = ("lane", pa.string(), "")
+_CYCLES = ("cycles", pa.int32(), "")
 _UPDATE = [(name, pa.float32(), "") for name in DIAGNOSTICS]
 _TERMS = [(name, pa.float32(), "") for name in TERM_NAMES]
 
@@ -54,6 +56,7 @@ def _of_plant(plant: Plant) -> dict[str, pa.Schema]:
             ("length", pa.int32(), ""),
             ("fell", pa.bool_(), ""),
             *_UPDATE,
+            added=DIAGNOSTICS,
         ),
         "evaluations": _columns(
             _LANE,
@@ -64,7 +67,9 @@ def _of_plant(plant: Plant) -> dict[str, pa.Schema]:
             ("length", pa.int32(), ""),
             ("fell", pa.bool_(), ""),
             ("share_in_cycle", pa.float32(), ""),
+            _CYCLES,
             *_TERMS,
+            added=("cycles",),
         ),
         "trajectories": _columns(
             _LANE,
@@ -90,13 +95,15 @@ _PAID = (
 )
 _OF_ENVIRONMENT: Mapping[str, pa.Schema] = MappingProxyType(
     {
-        "episodes": _columns(_LANE, ("end_step", pa.int64(), ""), *_PAID, *_UPDATE),
+        "episodes": _columns(_LANE, ("end_step", pa.int64(), ""), *_PAID, *_UPDATE, added=DIAGNOSTICS),
         "evaluations": _columns(
             _LANE,
             ("step", pa.int64(), ""),
             ("episode", pa.int32(), ""),
             *_PAID,
+            _CYCLES,
             ("distance", pa.float32(), "m"),
+            added=("cycles",),
         ),
     }
 )
@@ -114,17 +121,21 @@ GAITS = _columns(
     ("cycles", pa.float32(), "1/s"),
     ("speed", pa.float32(), "m/s"),
     ("transport", pa.float32(), ""),
+    ("strides", pa.float32(), ""),
+    ("step_time", pa.float32(), "s"),
+    ("step_length", pa.float32(), "m"),
     ("duty", pa.float32(), ""),
     ("flight", pa.float32(), ""),
     ("alternation", pa.float32(), ""),
     ("lag", pa.float32(), ""),
     ("asymmetry", pa.float32(), "%"),
+    added=("strides", "step_time", "step_length"),
 )
 """What `coachable gait` measures, one row an episode; see `gaits.measures`.
 
 `follows` is the share of steps that belong to the behaviour; `cycles` how many of its cycles are completed a
 second, NaN if it has none; `dt` the time between two steps; `environment` the return without the behaviour's
-part.
+part. Strides and steps are null in older tables, which lack them.
 """
 
 
@@ -133,6 +144,7 @@ def schemas(problem: Problem) -> Mapping[str, pa.Schema]:
 
     `lane` is `setup-seed`, or a baseline's name. `fell`: whether the episode ended in a fall; in a Gymnasium
     environment, whether it terminated and was not truncated. `share_in_cycle`: the share of steps in a phase.
+    `cycles`: how many of the behaviour's cycles the episode completed; null in older tables, which lack it.
 
     - A plant's: terms are unweighted; in `evaluations` sums over the episode, in `trajectories` of the step
       that began at `t`. `phase` counts the behaviour's phases from 0; outside all of them is their number.

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coachable.automata.cycle_progress import completed_cycles
 from coachable.envs.rollout import Trajectory
 from coachable.envs.walking_task import WalkingTask
 from coachable.experiments.experiment import Experiment, Lane, Which
@@ -44,6 +45,7 @@ class LaneBatch:
         self._experiment, self._programs, self._path = experiment, programs, path
         self._training = tasks.stacked(tasks.training, lanes)
         self._evaluation = tasks.stacked(tasks.evaluation, lanes)
+        self._location_at_start = int(tasks.evaluation.locate(tasks.evaluation.x0))
         self._due = evaluation_steps(experiment)
         self._logs = {name: Log() for name in LOGS}
         self._saved_at = time.monotonic()
@@ -189,7 +191,12 @@ class LaneBatch:
         if not steps:
             return
         networks = self._states.networks
-        found, _ = jax.device_get(self._programs.evaluate(self._evaluation, networks))
+        found, episodes = self._programs.evaluate(self._evaluation, networks)
+        found, phases, alive = jax.device_get((found, episodes.timesteps.phase, episodes.alive))
+        cycles = [
+            completed_cycles(self._experiment.behaviour, np.append(self._location_at_start, phase[taken]))
+            for phase, taken in zip(phases, alive, strict=True)
+        ]
         columns = {
             "lane": np.arange(len(self.lanes), dtype=np.int32),
             "return": found.episode_return,
@@ -198,6 +205,7 @@ class LaneBatch:
             "length": found.length,
             "fell": found.fell,
             "share_in_cycle": found.share_in_cycle,
+            "cycles": np.array(cycles, np.int32),
             **dict(zip(TERM_NAMES, found.terms.T, strict=True)),
         }
         for step in steps:

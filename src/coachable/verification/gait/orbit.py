@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from coachable.plants.metered import has_power
 from coachable.plants.sampled import Clock
-from coachable.verification.gait.closed_loop import ClosedLoop, has_power, stacked
+from coachable.verification.gait.closed_loop import ClosedLoop, stacked
 from coachable.verification.gait.section import Stride, linearised
 from coachable.verification.gait.walk import SampledWalk
 
