@@ -139,13 +139,21 @@ def learning_curves(run: Run) -> Figure:
     return figure
 
 
-def _rows(run: Run) -> tuple[list[str], list[list[str]]]:
+def measured(run: Run) -> list[str]:
+    """The columns of `MEASURES` that a training has.
+
+    **Raises:** `RunFolderError` if nothing has been evaluated yet.
+    """
     evaluations = run.columns("evaluations")
     if not len(evaluations["return"]):
         raise RunFolderError(
             f"{run.path}: nothing has been evaluated yet; give the command that began it again to go on"
         )
-    shown = [name for name in MEASURES if not np.isnan(evaluations[name].astype(float)).all()]
+    return [name for name in MEASURES if not np.isnan(evaluations[name].astype(float)).all()]
+
+
+def _rows(run: Run) -> tuple[list[str], list[list[str]]]:
+    shown = measured(run)
     header = ["setup", *(MEASURES[name][0] for name in shown)]
     rows = []
     for setup in run.experiment.setups:
