@@ -70,14 +70,14 @@ def with_settings(controller: Any, numbers: Mapping[str, Sequence[float]]) -> An
             raise ParameterError(
                 f"{type(controller).__name__} has no setting {name!r}; {suggestion(name, settings)}"
             )
-        single = isinstance(settings[name], float)
-        count = 1 if single else len(settings[name])
+        before = settings[name]
+        count = len(before) if isinstance(before, tuple) else 1
         if len(values) != count:
             raise ParameterError(
                 f"{name} of {type(controller).__name__} takes {count} number{'s' * (count > 1)}, "
                 f"got {len(values)}"
             )
-        given[name] = float(values[0]) if single else tuple(map(float, values))
+        given[name] = tuple(map(float, values)) if isinstance(before, tuple) else float(values[0])
     return replace(controller, **given) if given else controller
 
 
