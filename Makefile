@@ -50,7 +50,7 @@ walker2d: $(DEV)
 	done
 
 # The default folder, unless ARGS names one.
-out = $(if $(filter --out --out=%,$(ARGS)),,--out $(1))
+out = $(if $(filter -o --out --out=%,$(ARGS)),,--out $(1))
 
 test: $(DEV)
 	$(BIN)/ruff check

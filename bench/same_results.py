@@ -36,6 +36,8 @@ from bench.differences import Difference, compare_folders
 EXPECTED: Mapping[str, str] = {
     "published-run/printed-02-gait.txt": "`coachable gait` measures steps, too",
     "published-run/hop-described/gaits.md": "`coachable gait` measures steps, too",
+    "baselines/printed-02-baseline.json:controller": "it is called `baseline`, as in the other commands",
+    "baselines/printed-0[34]-baseline.txt": "other words; printed-02 has the numbers",
 }
 """CASE/FILE or CASE/FILE:COLUMN, a pattern of `fnmatch` → why it differs."""
 
@@ -43,6 +45,15 @@ EXPECTED_WORDS: Mapping[str, str] = {
     "published-files/results/README.md": "`coachable train` took the place of `coachable study`",
 }
 """The same for text in which the words may differ, but every number must stay."""
+
+
+BEFORE_O: Mapping[str, str] = {
+    "baseline constant-torque": "baseline --controller constant-torque",
+    "-o phases.csv": "--phases phases.csv",
+    "-o report.md": "-o report.md --format md",
+    "-o figures": "-o figures --format pdf-figures",
+}
+"""What is said otherwise to a checkout whose overview does not say that `-o` is the output."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +85,8 @@ class Side:
     folder: Path
     study: str
     """The command that runs a study."""
+    before_o: bool
+    """Whether its commands need the words of `BEFORE_O`."""
 
     @staticmethod
     def of(checkout: Path, published: Path, keep: Path, name: str) -> Side:
@@ -85,7 +98,8 @@ class Side:
         if done.returncode or not Path(place).resolve().is_relative_to(checkout):
             raise SystemExit(f"{checkout} holds no coachable that runs: {place or _end(done.stderr)}")
         study = "study" if re.search(r"^ +study ", overview, re.MULTILINE) else "train"
-        return Side(name, checkout, published.resolve(), keep.resolve() / name, study)
+        before_o = "-o is the output" not in overview
+        return Side(name, checkout, published.resolve(), keep.resolve() / name, study, before_o)
 
     def run(self, name: str, cases: Mapping[str, Case], needed: Sequence[Future[str]]) -> str:
         """Run a case, unless its results are there already; returns what went wrong, or nothing."""
@@ -101,9 +115,9 @@ class Side:
         for source in self._sources(case):
             (shutil.copytree if source.is_dir() else shutil.copy)(source, folder / source.name)
         since, statuses = time.perf_counter(), []
-        names = {"CHECKOUT": str(self.checkout), "STUDY": self.study}
+        names = {"CHECKOUT": str(self.checkout), "STUDY": self.study, **(BEFORE_O if self.before_o else {})}
         for number, command in enumerate(case.commands, start=1):
-            words = re.sub("|".join(names), lambda name: names[name[0]], command).split()
+            words = re.sub("|".join(map(re.escape, names)), lambda name: names[name[0]], command).split()
             # A process of its own: the states that Z3 finds depend on what it was given before.
             done = _python(["-m", "coachable.cli", *words], self.checkout, folder)
             # Negative verdicts have exit status 1, and so has what Python does not catch.

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from PIL import Image
@@ -14,6 +15,8 @@ from PIL import Image
 from coachable import cli
 from coachable.behaviours import load_behaviour
 from coachable.cli.descriptions import warn_of_errors
+
+ROLLING = Path(__file__).parents[1] / "plants" / "rolling.behaviour"
 
 
 def run(capsys, *arguments):
@@ -79,12 +82,26 @@ def test_every_command_has_help_with_an_example(capsys, name):
         (["watch", "nowhere", "--seconds", "0", "-o", "gait.png"], ["seconds must be greater than zero"]),
         (["record", "nowhere", "--episode", "-1", "-o", "walk.csv"], ["counted from 0"]),
         (["gait", "nowhere", "--speed", "nan"], ["speed must be a finite number"]),
+        (["gait", "nowhere", "-o", "gaits.md"], ["gaits.md", "give a folder"]),
+        (["table", "nowhere", "-o", "table.md"], ["table.md", "give a folder"]),
+        (["table", "nowhere", "-o", "folder", "--json"], ["--json", "leave out"]),
+        (["compare", "nowhere", "nowhere", "-o", "both.html"], ["both.html", "give a folder"]),
+        (["verify", "nowhere", "-o", "passport.json"], ["passport.json", "give a folder"]),
         (["verify", "runs/paper", "--recheck", "c.json"], ["leave out runs/paper"]),
-        (["verify", "--recheck", "c.json", "--json"], ["leave out --json"]),
+        (["record", "nowhere", "-o", "walk.txt"], ["walk.txt", ".csv, .csv.gz or .parquet"]),
+        (["draw", "compass-walking", "-o", "x.jpg"], ["x.jpg", ".svg, .png, .dot, .mmd"]),
+        (["export", "nowhere", "-o", "x.doc"], ["x.doc", ".onnx, .kyx, .xml, .py"]),
+        (["explain", "compass-walking", "nowhere.csv", "-o", "x.txt"], ["x.txt", ".csv"]),
         (["report"], ["RUN"]),
         (["report", "nowhere", "-o", "x.html"], ["nowhere is not a folder"]),
-        (["report", "nowhere", "--format", "pdf"], ["--format", "pdf-figures"]),
-        (["baseline", "--controller", "gravity"], ["--controller", "virtual-gravity"]),
+        (["report", "nowhere", "-o", "x.pdf"], ["x.pdf", ".html, .md", "folder"]),
+        (["baseline", "gravity"], ["the compass walker has no baseline 'gravity'", "'virtual-gravity'"]),
+        (["baseline", "virtual-gravity:slop=1"], ["no setting 'slop'", "'slope'"]),
+        (["baseline", "virtual-gravity:slope=steep"], ["slope=-0.05"]),
+        (["baseline", "constant-torque:torque=1"], ["takes 2 numbers, got 1"]),
+        (["baseline", "--plant", "compas"], ["unknown plant 'compas'", "'compass'"]),
+        (["watch", "none", "--plant", "nowhere:Robot", "-o", "x.gif"], ["'nowhere'", "cannot be imported"]),
+        (["check", "compass-walking", "--plant", "compas"], ["unknown plant 'compas'"]),
     ],
 )
 def test_a_mistake_is_one_clear_message_and_status_2(capsys, tmp_path, monkeypatch, arguments, said):
@@ -181,16 +198,66 @@ def test_baselines_are_the_papers(capsys):
     assert numbers["rewards"]["orthant"] == pytest.approx(17.332, abs=5e-4)
     out, _, _ = run(capsys, "baseline", "--semantics", "released-code")
     assert "8.2157 m" in out
-    out, _, _ = run(capsys, "baseline", "--controller", "none", "--json")
+    out, _, _ = run(capsys, "baseline", "none", "--json")
     assert json.loads(out)["fell"] is True
     assert json.loads(out)["period"] is None
-    out, _, _ = run(capsys, "baseline", "--controller", "none")
+    out, _, _ = run(capsys, "baseline", "none")
     period, touchdowns = (
         next(line for line in out.splitlines() if w in line) for w in ("period", "touchdowns")
     )
     assert "nan" not in out
     assert period.endswith("–")
     assert len(period) == len(touchdowns)
+
+
+def test_a_baseline_describes_its_settings_and_takes_others(capsys):
+    out, _, _ = run(capsys, "baseline")
+    assert "virtual-gravity:slope=-0.07\n      Walk on the flat as if down a slope" in out
+    assert "constant-torque:torque=-1.35,-0.18\n" in out
+    out, _, _ = run(capsys, "baseline", "virtual-gravity:slope=-0.07", "--json")
+    assert json.loads(out)["hip_x"] == pytest.approx(7.8334, abs=5e-5)
+    out, _, _ = run(capsys, "baseline", "virtual-gravity:slope=-0.01", "--json")
+    other = json.loads(out)
+    assert other["settings"] == {"slope": -0.01}
+    assert other["hip_x"] < 4
+
+
+def test_a_plant_of_ones_own_has_baselines(capsys, tmp_path):
+    wheel = ("--plant", "tests.plants.rimless_wheel:RimlessWheel")
+    behaviour = ("--behaviour", ROLLING)
+    out, _, status = run(capsys, "baseline", "none", *wheel, *behaviour, "--json")
+    assert status == 0
+    assert json.loads(out)["plant"] == "the rimless wheel"
+    assert json.loads(out)["touchdowns"] > 10
+    _, err, status = run(capsys, "baseline", *wheel)
+    assert (status, "no behaviour ships for the rimless wheel" in err) == (2, True)
+    out, _, status = run(
+        capsys, "watch", "none", *wheel, *behaviour, "--seconds", "1", "-o", tmp_path / "roll.png"
+    )
+    assert (status, (tmp_path / "roll.png").exists()) == (0, True)
+    _, err, status = run(capsys, "check", "compass-walking", *wheel)
+    assert status == 2
+    assert "the rimless wheel gives none" in err
+
+
+def test_numbers_are_printed_as_one_json_document_and_nothing_is_written(capsys, copied_run):
+    before = sorted(copied_run.rglob("*"))
+    out, err, status = run(capsys, "table", copied_run, "--json")
+    numbers = json.loads(out)
+    assert (status, err) == (0, "")
+    assert [setup["name"] for setup in numbers["setups"]] == ["sparse", "forward+orthant"]
+    final = numbers["setups"][0]["final_mean"]
+    assert final["low"] <= final["value"] <= final["high"]
+    assert {claim["name"] for claim in numbers["claims"]} == {f"C{number}" for number in range(1, 7)}
+    out, err, status = run(capsys, "compare", copied_run, copied_run, "--json")
+    numbers = json.loads(out)
+    assert (status, err) == (0, "")
+    assert len(numbers["setups"]) == 2
+    for setup in numbers["setups"]:
+        for measure in setup["measures"]:
+            assert measure["first"] == measure["second"]
+            assert measure["difference"]["value"] == 0
+    assert sorted(copied_run.rglob("*")) == before
 
 
 def test_a_lane_and_a_baseline_can_be_watched(capsys, small_run, tmp_path):
@@ -241,14 +308,12 @@ def test_a_report_is_written_in_every_format(capsys, copied_run, tmp_path):
     page = (copied_run / "report.html").read_text(encoding="utf-8")
     assert "harnack2023deriving" in page
     assert "small: 2 setups × 2 seeds × 1,250 steps" in page
-    out, err, status = run(
-        capsys, "report", copied_run, tmp_path / "nowhere", "--format", "md", "-o", tmp_path / "r.md"
-    )
+    out, err, status = run(capsys, "report", copied_run, tmp_path / "nowhere", "-o", tmp_path / "r.md")
     assert status == 0
     assert "not in the report" in err
     assert "nowhere" in err
     assert "| forward+orthant |" in (tmp_path / "r.md").read_text(encoding="utf-8")
-    out, _, status = run(capsys, "report", copied_run, "--format", "pdf-figures", "-o", tmp_path / "figures")
+    out, _, status = run(capsys, "report", copied_run, "-o", tmp_path / "figures")
     assert status == 0
     assert out.count("wrote") == len(list((tmp_path / "figures").iterdir())) >= 2
 

@@ -145,6 +145,19 @@ def test_the_survey_measures_every_episode(run, capsys):
         assert picture.width > 1000
 
 
+def test_the_gaits_are_printed_as_json_and_no_table_is_written(run, capsys):
+    (run.path / "gaits.md").unlink(missing_ok=True)
+    cli.main(["gait", str(run.path), "--episodes", "2", "--speed", "-9", "--json"])
+    numbers = json.loads(capsys.readouterr().out)
+    gaits = Run.open(run.path).columns("gaits")
+    for setup in numbers["setups"]:
+        mine = gaits["lane"] == f"{setup['name']}-0"
+        assert sum(setup["gaits"].values()) == mine.sum() == 2
+        assert setup["environment"]["value"] == pytest.approx(gaits["environment"][mine].mean())
+        assert setup["steps_to_speed"] == [128], "the first evaluation is faster than falling backward"
+    assert not (run.path / "gaits.md").exists()
+
+
 def test_whole_cycles_are_counted_by_the_second(run, walk, monkeypatch):
     """Two hops a second for four seconds, and half of one; a foot that stays down completes nothing."""
     time = np.arange(0.0, 4.3, 0.008)

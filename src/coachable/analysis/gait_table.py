@@ -59,7 +59,7 @@ def gait_sections(run: Run, speed: float = 1.0) -> tuple[Section, Section]:
     table = [("gaits of the seeds", *(_gaits(run, gaits, name) for name in names))]
     for measure, (title, factor) in MEASURES.items():
         if not np.isnan(gaits[measure].astype(float)).all():
-            table.append((title, *(cell(_over_seeds(run, gaits, name, measure), factor) for name in names)))
+            table.append((title, *(cell(over_seeds(run, gaits, name, measure), factor) for name in names)))
     dt = float(gaits["dt"][0])
     table.append((f"{speed:g} m/s after", *(_reached(run, name, speed * dt) for name in names)))
     lanes = tuple(tuple(_lane(gaits, lane.name)) for lane in run.lanes)
@@ -117,20 +117,25 @@ def _gaits(run: Run, gaits: dict[str, np.ndarray], setup: str) -> str:
     return ", ".join(f"{count} {word}" for word, count in usual.most_common())
 
 
-def _over_seeds(run: Run, gaits: dict[str, np.ndarray], setup: str, measure: str) -> Estimate:
+def over_seeds(run: Run, gaits: dict[str, np.ndarray], setup: str, measure: str) -> Estimate:
     """The mean over seeds of the mean over those of their episodes that have the measure."""
     values = gaits[measure].astype(float)
     mine = [values[gaits["lane"] == run.lane(setup, seed).name] for seed in run.experiment.seeds]
     return estimate(mean, np.array([np.nanmean(each) for each in mine if not np.isnan(each).all()], float))
 
 
-def _reached(run: Run, setup: str, metres_a_step: float) -> str:
-    """After how many thousand steps the evaluations were so fast, and of how many seeds."""
+def steps_to_speed(run: Run, setup: str, metres_a_step: float) -> list[int | None]:
+    """Training steps of each seed's first evaluation that was so fast; `None` for a seed without one."""
     steps, distance = by_seed(run, setup, run.experiment.problem.distance)
     _, length = by_seed(run, setup, "length")
-    fast = distance >= metres_a_step * length
-    first = [int(steps[row.argmax()]) for row in fast if row.any()]
+    return [int(steps[row.argmax()]) if row.any() else None for row in distance >= metres_a_step * length]
+
+
+def _reached(run: Run, setup: str, metres_a_step: float) -> str:
+    """After how many thousand steps the evaluations were so fast, and of how many seeds."""
+    seeds = steps_to_speed(run, setup, metres_a_step)
+    first = [steps for steps in seeds if steps is not None]
     if not first:
-        return f"never, {len(fast)} seed{'s' * (len(fast) > 1)}"
+        return f"never, {len(seeds)} seed{'s' * (len(seeds) > 1)}"
     told = cell(estimate(mean, np.array(first, float)), 1e-3) + "k"
-    return told if len(first) == len(fast) else f"{told}, {len(first)} of {len(fast)} seeds"
+    return told if len(first) == len(seeds) else f"{told}, {len(first)} of {len(seeds)} seeds"

@@ -7,14 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from coachable.analysis.claims import Claim, decide
-from coachable.analysis.intervals import Estimate, estimate, mean
+from coachable.analysis.intervals import Estimate
 from coachable.analysis.measurements import Measurements
 from coachable.analysis.measures import Measure
 from coachable.analysis.paper import PAPER_BASELINE_DISTANCE, PaperNumbers, paper_numbers
-from coachable.analysis.statistics import SetupStatistics, improvements, statistics_of
+from coachable.analysis.statistics import SetupStatistics, at_the_end, improvements, statistics_of
 from coachable.experiments.experiment import Experiment
 
 NOTHING = "–"
@@ -72,10 +70,7 @@ def _last_evaluation(runs: Measurements) -> Section:
     measures = runs.evaluated
     rows = []
     for setup in runs.setups:
-        finals = [setup.last(measure) for measure in measures]
-        estimates = [estimate(mean, values[~np.isnan(values)]) for values in finals]
-        cells = [in_unit(told, measure) for told, measure in zip(estimates, measures, strict=True)]
-        rows.append((setup.name, *cells))
+        rows.append((setup.name, *(in_unit(at_the_end(setup, measure), measure) for measure in measures)))
     return Section(
         "Last evaluation",
         ("setup", *(measure.heading for measure in measures)),

@@ -92,6 +92,12 @@ def statistics_of(runs: Measurements, setup: SetupRuns) -> SetupStatistics:
     )
 
 
+def at_the_end(setup: SetupRuns, measure: Measure) -> Estimate:
+    """The mean over runs of a measure at the last evaluation of each, with its 95 % interval."""
+    values = setup.last(measure)
+    return estimate(mean, values[~np.isnan(values)])
+
+
 @dataclass(frozen=True, eq=False)
 class Band:
     """A mean over runs along the training steps, with its pointwise 95 % interval."""

@@ -259,8 +259,8 @@ def _plant_of(automaton: HybridAutomaton) -> tuple[Plant, ImpactAlgebra]:
     if not isinstance(plant, Plant) or algebra is None:
         name = getattr(plant, "name", "this plant")
         raise BehaviourError(
-            f"edges at touchdown are explained for a plant that gives its reset map as arithmetic, and "
-            f"{name} gives none; for the compass walker only touchdowns with the feet apart have one"
+            "edges at touchdown are explained for a plant that gives its reset map as arithmetic, that of "
+            f"touchdowns with the feet apart, and {name} gives none"
         )
     return plant, algebra
 

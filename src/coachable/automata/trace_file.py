@@ -69,6 +69,7 @@ def write_trace(path: Path, trace: Trace) -> None:
     **Raises:** `TraceError` for a suffix that is neither of CSV nor of Parquet, or if nothing can be written
     there.
     """
+    require_trace_file(path)
     columns = {"t [s]": trace.time} | {
         f"{signal.name} [{signal.unit}]" if signal.unit else signal.name: trace.values[signal.name]
         for signal in trace.signals
@@ -77,13 +78,17 @@ def write_trace(path: Path, trace: Trace) -> None:
     try:
         if _is_parquet(path):
             pq.write_table(table, path)
-        elif path.name.endswith((".csv", ".csv.gz", ".csv.bz2", ".csv.zst")):
+        else:
             with pa.output_stream(str(path), compression="detect") as stream:
                 pa_csv.write_csv(table, stream)
-        else:
-            raise TraceError(f"{path}: give a file that ends in .csv, .csv.gz or .parquet")
     except OSError as error:
         raise TraceError(f"{path}: cannot be written: {_first_line(error)}") from None
+
+
+def require_trace_file(path: Path) -> None:
+    """**Raises:** `TraceError` for a suffix that is neither of CSV nor of Parquet."""
+    if not _is_parquet(path) and not path.name.endswith((".csv", ".csv.gz", ".csv.bz2", ".csv.zst")):
+        raise TraceError(f"{path}: give a file that ends in .csv, .csv.gz or .parquet")
 
 
 def _require_increasing(path: Path, time: np.ndarray, previous: float, num_before: int) -> None:

@@ -84,7 +84,7 @@ def _overview() -> str:
             (coachable.__doc__ or "").partition("\n")[0],
             "",
             "  coachable train demo                                        two minutes, to see it work",
-            "  coachable train paper --out runs/paper                      the paper's whole study",
+            "  coachable train paper -o runs/paper                         the paper's whole study",
             "  coachable report runs/paper                                 one page: what was learned",
             "  coachable check compass-walking                             what a description says",
             "  coachable verify runs/paper --all                           does it really walk?",
@@ -92,6 +92,7 @@ def _overview() -> str:
             "",
             *(f"  {name:<10}{summary}" for name, summary in summaries.items()),
             "",
-            "coachable COMMAND --help tells more, with examples.",
+            "coachable COMMAND --help has its options, with examples.",
+            "In each of them -o is the output, a file's suffix its format, and --json prints JSON.",
         ]
     )

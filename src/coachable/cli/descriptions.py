@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from coachable.cli.options import LaneSeed, LaneSetup, WhichPolicy, json_text, option
+from coachable.cli.options import (
+    BehaviourName,
+    LaneSeed,
+    LaneSetup,
+    WhichPolicy,
+    option,
+    output,
+    print_json,
+    require_suffix,
+)
 from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
@@ -19,17 +28,18 @@ _DRAWINGS = (".svg", ".png", ".dot", ".mmd")
 
 
 def check(
-    file: Annotated[
-        Positional[str], arg(metavar="FILE", help="A .behaviour file, or the name of one that ships.")
-    ],
-    json: Annotated[bool, arg(help="Print JSON; docs/findings.md tells its fields.")] = False,
+    behaviour: BehaviourName,
+    json: Annotated[bool, arg(help="Print JSON, whose fields are in docs/findings.md.")] = False,
     strict: Annotated[bool, arg(help="Fail on warnings, too.")] = False,
     plant: Annotated[
-        Literal["compass"] | None,
-        option("compass", "Ask also at which of its touchdowns an edge is taken at once."),
+        str | None,
+        option(
+            "NAME|MODULE:CLASS",
+            "Ask also at which of a plant's touchdowns an edge is taken at once, such as compass.",
+        ),
     ] = None,
 ) -> None:
-    """Tell what a description says that was not meant, each with a state that shows it.
+    """Report what a description says that was not meant, each finding with a state that shows it.
 
     Exits 0 if there are no errors, 1 if there are, 2 if the file cannot be read. For example:
 
@@ -45,14 +55,14 @@ def check(
     from coachable.behaviours.library import find_behaviour
     from coachable.behaviours.text.document import read_document
 
-    document = read_document(find_behaviour(file))
+    document = read_document(find_behaviour(behaviour))
+    crossings = () if plant is None else _crossings(document.behaviour, plant)
     report = find(document.behaviour)
-    crossings = () if plant is None else _crossings(document.behaviour)
     if json:
-        findings = to_json(report, document.behaviour, file, document.line_of)
-        print(json_text(findings | ({"crossings": [one.data for one in crossings]} if plant else {})))
+        findings = to_json(report, document.behaviour, behaviour, document.line_of)
+        print_json(findings | ({"crossings": [one.data for one in crossings]} if plant else {}))
     else:
-        print_report(report, document.behaviour, file, document.line_of, Console(highlight=False))
+        print_report(report, document.behaviour, behaviour, document.line_of, Console(highlight=False))
         for one in crossings:
             print("", *one.sentences, sep="\n")
         if plant is not None and not crossings:
@@ -77,17 +87,17 @@ def warn_of_errors(described: Behaviour, behaviour: str) -> None:
         count = f"{len(errors)} error{'s' * (len(errors) > 1)}"
         print(
             f"coachable: {behaviour} has {count}, the first: {errors[0].message} It is trained as it stands; "
-            f"`coachable check {behaviour}` tells what to change.",
+            f"`coachable check {behaviour}` reports what to change.",
             file=sys.stderr,
         )
 
 
-def _crossings(behaviour: Behaviour) -> tuple[EdgeAtImpact, ...]:
+def _crossings(behaviour: Behaviour, plant: str) -> tuple[EdgeAtImpact, ...]:
     from coachable.automata.edges_at_impact import explain_edges_at_impact
     from coachable.automata.hybrid import HybridAutomaton
-    from coachable.plants.named import plant_class
+    from coachable.plants.named import make_plant
 
-    return explain_edges_at_impact(HybridAutomaton.of(behaviour, plant_class("compass")()))
+    return explain_edges_at_impact(HybridAutomaton.of(behaviour, make_plant(plant)))
 
 
 def format(
@@ -98,7 +108,7 @@ def format(
 ) -> None:
     """Lay out behaviour files in the one way: indented, aligned, comments kept.
 
-    A file with a mistake in it is left as it is, and the mistake told. For example:
+    A file with a mistake in it is left as it is, and the mistake reported. For example:
 
         coachable format walk.behaviour
         coachable format --check *.behaviour
@@ -128,13 +138,8 @@ def format(
 
 
 def draw(
-    behaviour: Annotated[
-        Positional[str], arg(metavar="FILE", help="A behaviour: a shipped name or a file of your own.")
-    ],
-    out: Annotated[
-        Path,
-        arg(aliases=["-o"], metavar="PICTURE", help="x.svg or x.png; x.dot (Graphviz) or x.mmd (Mermaid)."),
-    ],
+    behaviour: BehaviourName,
+    out: Annotated[Path, output("FILE", "x.svg or x.png; x.dot (Graphviz) or x.mmd (Mermaid).")],
     reward: Annotated[
         Literal["stay", "equation", "released"] | None,
         option("stay|equation|released", "Draw what the phase reward pays, read this way, instead."),
@@ -147,12 +152,12 @@ def draw(
         coachable draw compass-walking -o walking.svg
         coachable draw mine.behaviour -o mine.png
         coachable draw compass-walking --reward stay -o reward.svg
+        coachable draw compass-walking -o automaton.mmd
     """
     from coachable.behaviours.library import load_behaviour
 
     suffixes = _DRAWINGS if reward is None else _DRAWINGS[:2]
-    if (suffix := out.suffix.lower()) not in suffixes:
-        raise CoachableError(f"{out}: give a file that ends in {', '.join(suffixes)}")
+    suffix = require_suffix(out, suffixes)
     described = load_behaviour(behaviour)
     if suffix in _DRAWINGS[2:]:
         from coachable.diagram.plain_text import automaton_dot, automaton_mermaid
@@ -176,11 +181,11 @@ def draw(
 
 
 def diff(
-    first: Annotated[Positional[str], arg(metavar="A", help="A behaviour: a shipped name or a file.")],
-    second: Annotated[Positional[str], arg(metavar="B", help="The behaviour to compare it with.")],
+    behaviour: BehaviourName,
+    other: Annotated[Positional[str], arg(metavar="BEHAVIOUR", help="The one to compare it with.")],
     json: Annotated[bool, arg(help="Print JSON.")] = False,
 ) -> None:
-    """Tell how two descriptions differ in meaning, with states in which they disagree.
+    """Report how two descriptions differ in meaning, with states in which they disagree.
 
     Exits 0 if they mean the same, 1 if they differ, 2 if one cannot be read. For example:
 
@@ -190,9 +195,9 @@ def diff(
     from coachable.behaviours.library import load_behaviour
     from coachable.rewards.difference import as_json, as_text, differences
 
-    one, other = load_behaviour(first), load_behaviour(second)
-    found = differences(one, other)
-    print(as_json(found) if json else as_text(found, (*other.signals, *one.signals)))
+    first, second = load_behaviour(behaviour), load_behaviour(other)
+    found = differences(first, second)
+    print(as_json(found) if json else as_text(found, (*second.signals, *first.signals)))
     sys.exit(int(any(difference.matters for difference in found)))
 
 
@@ -220,12 +225,12 @@ def explain(
     ] = None,
     limit: Annotated[int, arg(metavar="N", help="How many violations to show.")] = 20,
     all: Annotated[bool, arg(help="Show all violations.")] = False,
-    phases: Annotated[
-        Path | None, option("OUT.csv", "Write the phase at each moment there.", otherwise="do not")
+    out: Annotated[
+        Path | None, output("FILE", "x.csv, the phase at each moment.", otherwise="not written")
     ] = None,
     json: Annotated[bool, arg(help="Print JSON.")] = False,
 ) -> None:
-    """Tell where a recorded trace follows a behaviour, and where and why it does not.
+    """Report where a recorded trace follows a behaviour, and where and why it does not.
 
     Column names are the behaviour's signals, with or without their unit: dtheta_1 or "dtheta_1 [rad/s]".
     Of a run, the trace is a lane's evaluation episode, with --setup, --seed and --which. Exits 0 if
@@ -233,7 +238,7 @@ def explain(
 
         coachable explain compass-walking log.csv
         coachable explain mine.behaviour log.csv.gz --dt 0.002 --limit 5
-        coachable explain mine.behaviour log.parquet --json --phases phases.csv
+        coachable explain mine.behaviour log.parquet --json -o phases.csv
         coachable explain runs/paper --setup orthant --seed 3
         coachable explain mine.behaviour runs/walker2d --setup both --which best
     """
@@ -243,6 +248,8 @@ def explain(
     from coachable.automata.explanation import explain as watch_trace
     from coachable.behaviours.library import load_behaviour
 
+    if out is not None:
+        require_suffix(out, (".csv",))
     source = Path(behaviour) if trace is None else trace
     is_run = source.is_dir()
     if trace is None and not is_run:
@@ -266,16 +273,19 @@ def explain(
             lane = run.lane(setup, seed)
             walk = recorded_walk(run, lane.setup, lane.seed, which)
             title = f"{source}, {lane.name}, {which} policy,"
-            explanation = explain_parts(described or run.behaviour, [walk.trace], title, shown, phases)
+            explanation = explain_parts(described or run.behaviour, [walk.trace], title, shown, out)
         else:
             explanation = watch_trace(
                 described or load_behaviour(behaviour),
                 source,
                 dt,
                 shown,
-                phases,
+                out,
                 lambda report: status.update(f"{report.samples:,} rows, up to t = {report.end:.3f} s"),
             )
-    print(json_text(as_json(explanation)) if json else as_text(explanation))
+    if json:
+        print_json(as_json(explanation))
+    else:
+        print(as_text(explanation))
     if not explanation.report.follows:
         sys.exit(1)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from coachable.cli.descriptions import warn_of_errors
-from coachable.cli.options import Semantics, option
+from coachable.cli.options import Semantics, option, output
 from coachable.cli.results import table
 
 
@@ -21,9 +21,7 @@ def train(
             help_behavior_hint="",
         ),
     ] = None,
-    out: Annotated[
-        Path | None, option("DIR", "The run folder.", otherwise="runs/NAME", short=("-o",))
-    ] = None,
+    out: Annotated[Path | None, output("DIR", "The run folder.", otherwise="runs/NAME")] = None,
     env: Annotated[
         str | None,
         option("ID", "What gymnasium.make takes; MODULE:ID imports a module of yours first."),
@@ -91,8 +89,8 @@ def train(
     folder. Stopped at any moment, the same command goes on from the last checkpoint. For example:
 
         coachable train demo
-        coachable train paper --out runs/paper
-        coachable train paper --semantics released-code --out runs/released
+        coachable train paper -o runs/paper
+        coachable train paper --semantics released-code -o runs/released
         coachable train mine.toml --setups orthant mine --seeds 5 --steps 100000
         coachable train --env Walker2d-v5 --behaviour walk.behaviour --settings ppo-walker2d --seeds 2
         coachable train --env coachable/CompassWalker-v0 --behaviour compass-walking --trainer sb3-ppo

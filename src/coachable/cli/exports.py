@@ -6,44 +6,57 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import Positional, arg
+from tyro.conf import Positional
 
-from coachable.cli.options import Clock, ControllerName, LaneSeed, LaneSetup, Which, WhichPolicy, option
+from coachable.cli.options import (
+    Clock,
+    LaneSeed,
+    LaneSetup,
+    PlantOfBaseline,
+    Which,
+    WhichPolicy,
+    option,
+    output,
+    plant_of_baseline,
+    require_suffix,
+)
 from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
+    from coachable.plants.plant import Plant
     from coachable.verification.export.model import Model
 
 
 def export(
-    what: Annotated[
+    run: Annotated[
         Positional[str | None],
         option(
             "RUN|BEHAVIOUR",
             "A run folder, or a behaviour: a shipped name or a file.",
-            otherwise="compass-walking",
+            otherwise="the plant's behaviour",
         ),
     ] = None,
     *,
     out: Annotated[
         Path,
-        arg(
-            aliases=["-o"],
-            metavar="FILE",
-            help="x.onnx (the policy alone), x.kyx (KeYmaera X), x.xml (SpaceEx) or x.py (plain Python).",
+        output(
+            "FILE",
+            "x.onnx (the policy alone), x.kyx (KeYmaera X), x.xml (SpaceEx) or x.py (plain Python).",
         ),
     ],
     setup: LaneSetup = None,
     seed: LaneSeed = None,
     which: WhichPolicy = "last",
     baseline: Annotated[
-        ControllerName | None,
+        str | None,
         option(
-            "NAME",
-            "What drives a behaviour's walker: virtual-gravity, constant-torque or none.",
+            "BASELINE",
+            "What drives a behaviour's plant, such as virtual-gravity or virtual-gravity:slope=-0.05 "
+            "(`coachable baseline` lists them).",
             otherwise="free inputs",
         ),
     ] = None,
+    plant: PlantOfBaseline = None,
     clock: Annotated[
         Clock | None,
         option(
@@ -56,7 +69,7 @@ def export(
     """Write a policy for other programs, or a behaviour's automaton with the closed loop for other tools.
 
     ONNX holds a lane's policy, of a study or a training, and needs the [onnx] extra. The other files hold the
-    compass walker with its automaton. Of a run it is driven by a lane's policy, which the Python program
+    plant with the behaviour's automaton. Of a run it is driven by a lane's policy, which the Python program
     holds; KeYmaera X and SpaceEx get its bounds. A behaviour is driven by a baseline, or by free inputs.
 
     For example:
@@ -66,35 +79,34 @@ def export(
         coachable export --baseline virtual-gravity -o walker.kyx
         coachable export compass-walking -o automaton.xml
     """
-    if out.suffix.lower() == ".onnx":
+    suffix = require_suffix(out, (".onnx", *_WRITERS))
+    if suffix == ".onnx":
         if baseline is not None or clock is not None:
             raise CoachableError(f"{out} holds a policy alone; leave out --baseline and --clock")
-        _write_onnx(what, setup, seed, which, out)
+        _write_onnx(run, setup, seed, which, out)
         return
     from coachable.foundation.files import write_atomic
 
-    if (write := _WRITERS.get(out.suffix.lower())) is None:
-        raise CoachableError(f"{out}: give a file that ends in {', '.join(('.onnx', *_WRITERS))}")
-    if what is not None and Path(what).is_dir():
+    if run is not None and Path(run).is_dir():
         if baseline is not None:
             raise CoachableError("a run has policies of its own; leave out either the run or --baseline")
-        model = _lane(Path(what), setup, seed, which, clock)
+        model = _lane(Path(run), setup, seed, which, clock)
     else:
         if setup is not None or seed is not None:
-            raise CoachableError(f"--setup and --seed name a lane of a run, but {what or 'no run'} is given")
-        model = _behaviour(what or "compass-walking", baseline, clock)
-    write_atomic(out, write(model))
+            raise CoachableError(f"--setup and --seed name a lane of a run, but {run or 'no run'} is given")
+        model = _behaviour(run, baseline, clock, plant_of_baseline(plant))
+    write_atomic(out, _WRITERS[suffix](model))
     print(f"{out}: {model.name}")
 
 
-def _write_onnx(what: str | None, setup: str | None, seed: int | None, which: Which, out: Path) -> None:
+def _write_onnx(path: str | None, setup: str | None, seed: int | None, which: Which, out: Path) -> None:
     from coachable.experiments.run_folder.reader import open_run
     from coachable.foundation.files import write_atomic
     from coachable.learning.onnx_graph import onnx_bytes
 
-    if what is None:
+    if path is None:
         raise CoachableError("which policy? Give a run folder: coachable export runs/paper -o policy.onnx")
-    run = open_run(what)
+    run = open_run(path)
     setup, seed = setup or run.experiment.setups[0].name, run.experiment.first_seed if seed is None else seed
     write_atomic(out, onnx_bytes(run.policy(setup, seed, which)))
     print(f"{out}: {which} policy of {run.lane(setup, seed).name}")
@@ -124,20 +136,21 @@ def _lane(
 
 
 def _behaviour(
-    name: str,
-    baseline: ControllerName | None,
+    name: str | None,
+    baseline: str | None,
     clock: Clock | None,
+    plant: Plant,
 ) -> Model:
     from coachable.behaviours.library import load_behaviour
-    from coachable.plants.named import plant_class
+    from coachable.envs.baselines import controller_of
     from coachable.verification.export.model import Model
 
-    behaviour, plant = load_behaviour(name), plant_class("compass")()
+    behaviour = load_behaviour(name or plant.behaviour_under("paper"))
     if baseline is None:
         if clock is not None:
             raise CoachableError("free inputs are not sampled; give a --baseline, or leave out --clock")
         return Model(f"{behaviour.name}, free inputs", behaviour, None, plant)
-    controller = plant.controllers()[baseline]
+    controller = controller_of(plant, baseline)
     return Model(f"{behaviour.name}, {baseline}", behaviour, controller, plant, clock or "free")
 
 

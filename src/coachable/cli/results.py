@@ -4,30 +4,52 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from coachable.cli.options import option
+from coachable.cli.options import (
+    Json,
+    RunFolder,
+    output,
+    print_json,
+    refuse_out_with_json,
+    require_folder,
+    require_suffix,
+)
 from coachable.foundation.errors import CoachableError
+
+if TYPE_CHECKING:
+    from coachable.analysis.report.formats import Format
 
 
 def table(
-    run: Annotated[Positional[Path], arg(metavar="RUN", help="A run folder, the --out of train.")],
-    out: Annotated[Path | None, option("DIR", "Where to write to.", otherwise="the run folder")] = None,
+    run: RunFolder,
+    out: Annotated[
+        Path | None, output("DIR", "Where the table and the figures go.", otherwise="the run folder")
+    ] = None,
+    json: Json = False,
 ) -> None:
     """Print a run's table; write it as Markdown, with its figures as SVG and PNG.
 
     For example:
 
         coachable table runs/paper
-        coachable table runs/paper --out docs/results/paper
+        coachable table runs/paper -o docs/results/paper
+        coachable table runs/paper --json
     """
     from coachable.analysis.figures import draw_figures
     from coachable.analysis.measurements import measure, measure_so_far
     from coachable.analysis.table import print_table, write_markdown
     from coachable.experiments.run_folder.reader import open_run
 
+    if json:
+        from coachable.analysis.numbers import table_numbers
+
+        refuse_out_with_json(out)
+        print_json(table_numbers(open_run(run)))
+        return
+    require_folder(out)
     opened = open_run(run)
     # Of a study with claims nothing is decided before it has ended.
     looks_ahead = opened.status != "complete" and opened.baseline is None
@@ -41,9 +63,12 @@ def table(
 
 
 def compare(
-    run: Annotated[Positional[Path], arg(metavar="RUN", help="A run folder, the --out of train.")],
+    run: RunFolder,
     other: Annotated[Positional[Path], arg(metavar="RUN", help="Another one, of the same problem.")],
-    out: Annotated[Path, arg(aliases=["-o"], metavar="DIR", help="Where to write to.")] = Path("comparison"),
+    out: Annotated[
+        Path | None, output("DIR", "Where the table and the figures go.", otherwise="comparison")
+    ] = None,
+    json: Json = False,
 ) -> None:
     """Lay the curves of two studies over each other, and test whether their runs differ.
 
@@ -54,17 +79,26 @@ def compare(
 
         coachable compare runs/paper runs/sb3 -o runs/paper-and-sb3
         coachable compare runs/walk runs/hop -o runs/walk-and-hop
+        coachable compare runs/paper runs/sb3 --json
     """
     from coachable.analysis.comparison import tell_comparison
     from coachable.analysis.measurements import measure
     from coachable.experiments.run_folder.reader import open_run
 
+    if json:
+        refuse_out_with_json(out)
+    require_folder(out)
     studies = {}
     for path in (run, other):
         opened = open_run(path)
         title = f"{opened.experiment.name}, {opened.experiment.trainer.name}"
         studies[title if title not in studies else f"{title}, {path.name}"] = measure(opened)
-    tell_comparison(studies, out)
+    if json:
+        from coachable.analysis.numbers import comparison_numbers
+
+        print_json(comparison_numbers(studies))
+        return
+    tell_comparison(studies, out or Path("comparison"))
 
 
 def report(
@@ -74,34 +108,31 @@ def report(
     ],
     out: Annotated[
         Path | None,
-        option(
-            "FILE",
-            "The page or Markdown file, or the folder of the figures.",
-            otherwise="report.html, report.md or figures, in the run folder or, of several, here",
-            short=("-o",),
+        output(
+            "FILE|DIR",
+            "x.html, one page; x.md, the tables as Markdown; or a folder, into which the figures go as PDF "
+            "for a two-column paper.",
+            otherwise="report.html, in the run folder or, of several, here",
         ),
     ] = None,
-    format: Annotated[
-        Literal["html", "md", "pdf-figures"],
-        arg(help="One page, the tables as Markdown, or the figures as PDF for a two-column paper."),
-    ] = "html",
 ) -> None:
     """Write one HTML page that shows what was learned: claims, curves, walkers, every seed, and the numbers.
 
     The page needs no network and nothing beside it. Of a Gymnasium environment it shows the description, the
     curves of every measure, every seed and the gaits, and says why there is no walker. Of a study that is
-    under way it tells what there is; a folder that cannot be read is named, and the others are reported.
+    under way it shows what there is; a folder that cannot be read is named, and the others are reported.
 
     For example:
 
         coachable report runs/paper
         coachable report runs/paper runs/released -o both.html
         coachable report runs/walker2d
-        coachable report runs/paper --format md -o paper.md
-        coachable report runs/paper --format pdf-figures -o figures
+        coachable report runs/paper -o paper.md
+        coachable report runs/paper -o figures/
     """
     if not runs:
         raise CoachableError("give at least one RUN: coachable report runs/paper")
+    format = _format(out)
     from rich.console import Console
 
     from coachable.analysis.citation import citation
@@ -114,6 +145,19 @@ def report(
         print(f"wrote {path}")
     for problem in problems:
         print(f"coachable: not in the report: {problem}", file=sys.stderr)
+
+
+def _format(out: Path | None) -> Format:
+    """What a report is written as, by its output.
+
+    **Raises:** `CoachableError` for a file of another suffix.
+    """
+    if out is None:
+        return "html"
+    if out.is_dir() or not out.suffix:
+        return "pdf-figures"
+    suffix = require_suffix(out, (".html", ".md"), or_else=", or a folder for the figures as PDF")
+    return "html" if suffix == ".html" else "md"
 
 
 def cite() -> None:

@@ -9,15 +9,21 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from coachable.cli.options import (
-    CONTROLLER_NAMES,
+    BASELINE,
+    BehaviourOfBaseline,
     Clock,
-    ControllerName,
     LaneSeed,
     LaneSetup,
-    Semantics,
+    PlantOfBaseline,
+    SemanticsOfBaseline,
     Which,
     WhichPolicy,
+    is_baseline,
     option,
+    output,
+    plant_of_baseline,
+    print_json,
+    require_folder,
 )
 from coachable.foundation.errors import CoachableError
 
@@ -31,8 +37,8 @@ def verify(
     run: Annotated[
         Positional[str | None],
         arg(
-            metavar="RUN",
-            help="A run folder, or a baseline: virtual-gravity, constant-torque, none.",
+            metavar="RUN|BASELINE",
+            help=f"A run folder, or {BASELINE}.",
             help_behavior_hint="",
         ),
     ] = None,
@@ -50,9 +56,16 @@ def verify(
     ] = "quick",
     which: WhichPolicy = "last",
     baseline: Annotated[
-        ControllerName, arg(help="What stands beside the walker in the table of pushes.")
-    ] = "virtual-gravity",
-    semantics: Annotated[Semantics, arg(help="Of a baseline; a run has its own.")] = "paper",
+        str | None,
+        option(
+            "BASELINE",
+            "What stands beside the walker in the table of pushes.",
+            otherwise="the plant's first",
+        ),
+    ] = None,
+    plant: PlantOfBaseline = None,
+    behaviour: BehaviourOfBaseline = None,
+    semantics: SemanticsOfBaseline = "paper",
     clock: Annotated[Clock, arg(help="Of a baseline; a policy has its own.")] = "free",
     certify: Annotated[
         bool,
@@ -67,9 +80,11 @@ def verify(
     ] = None,
     out: Annotated[
         Path | None,
-        option("DIR", "Where passports are written.", otherwise="RUN/passports; a baseline's nowhere"),
+        output("DIR", "Where passports are written.", otherwise="RUN/passports; a baseline's nowhere"),
     ] = None,
-    json: Annotated[bool, arg(help="Print JSON; docs/passport.md tells its fields.")] = False,
+    json: Annotated[
+        bool, arg(help="Print JSON, whose fields are in docs/passport.md; passports are written as ever.")
+    ] = False,
 ) -> None:
     """Give a walker its gait passport: does it follow, repeat itself, return, and from how far?
 
@@ -84,12 +99,9 @@ def verify(
         coachable verify --recheck runs/paper/certificates/orthant-1.json
     """
     if recheck is not None:
-        if run is not None or json:
-            raise CoachableError(
-                "--recheck proves a file by itself and tells it in words; leave out "
-                + ("--json" if run is None else f"{run}: nothing is said about it")
-            )
-        _recheck(recheck)
+        if run is not None:
+            raise CoachableError(f"--recheck proves a file by itself; leave out {run}")
+        _recheck(recheck, as_json=json)
         return
     if run is None:
         raise CoachableError(
@@ -99,16 +111,19 @@ def verify(
 
     if all and seed is not None:
         raise CoachableError("--all means every seed; leave out --seed, or --all")
+    require_folder(out)
     set_up_jax()
-    if run in CONTROLLER_NAMES:
+    robot = plant_of_baseline(plant)
+    if is_baseline(run, robot):
         if all or setup is not None or seed is not None:
             raise CoachableError(
                 f"{run} is a baseline, without setups and seeds; leave out --setup, --seed, --all"
             )
-        from coachable.plants.named import plant_class
+        from coachable.behaviours.library import load_behaviour
         from coachable.verification.passport.closed_loop import baseline_subject
 
-        subjects = [baseline_subject(run, plant_class("compass")(), semantics, clock)]
+        followed = None if behaviour is None else load_behaviour(behaviour)
+        subjects = [baseline_subject(run, robot, semantics, clock, followed)]
         folder, beside = out, None
     else:
         subjects, beside = _subjects(run, setup, seed, which, baseline, every=all)
@@ -128,7 +143,7 @@ def _subjects(
     setup: str | None,
     seed: int | None,
     which: Which,
-    baseline: ControllerName,
+    baseline: str | None,
     *,
     every: bool,
 ) -> tuple[list[Subject], Subject]:
@@ -146,7 +161,11 @@ def _subjects(
         lanes = [opened.lane(setup or plan.setups[0].name, first)]
     subjects = [lane_subject(opened, lane.setup, lane.seed, which) for lane in lanes]
     beside = baseline_subject(
-        baseline, problem.plant, problem.semantics, subjects[0].walker.clock, opened.behaviour
+        baseline or next(iter(problem.plant.controllers())),
+        problem.plant,
+        problem.semantics,
+        subjects[0].walker.clock,
+        opened.behaviour,
     )
     return subjects, beside
 
@@ -180,7 +199,7 @@ def _verified(
     return [by_name[subject.walker.name] for subject in subjects]
 
 
-def _recheck(path: Path) -> None:
+def _recheck(path: Path, *, as_json: bool) -> None:
     from rich.console import Console
 
     from coachable.verification.passport.attempts import require_crival
@@ -190,8 +209,11 @@ def _recheck(path: Path) -> None:
 
     with Console(stderr=True).status("proving") as status:
         verdict = recheck(path, progress=lambda done: status.update(f"proving: {done:.0%}"))
-    print(verdict.claim)
-    print(verdict.reason)
+    if as_json:
+        print_json({"claim": verdict.claim, "proven": verdict.proven, "reason": verdict.reason})
+    else:
+        print(verdict.claim)
+        print(verdict.reason)
     if not verdict.proven:
         sys.exit(1)
 
@@ -203,10 +225,8 @@ def _show(passports: list[Passport], plant: Plant, *, summary: bool, as_json: bo
     from coachable.verification.passport.text import print_passport, print_summary
 
     if as_json:
-        import json
-
         data = [passport_data(passport) for passport in passports]
-        print(json.dumps(data if summary else data[0], indent=2, ensure_ascii=False))
+        print_json(data if summary else data[0])
         return
     console = Console(highlight=False)
     if not console.is_terminal:

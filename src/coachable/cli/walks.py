@@ -9,33 +9,41 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from coachable.cli.options import (
-    CONTROLLER_NAMES,
-    ControllerName,
+    BASELINE,
+    BehaviourOfBaseline,
+    Json,
     LaneSeed,
     LaneSetup,
+    PlantOfBaseline,
+    RunFolder,
     Semantics,
+    SemanticsOfBaseline,
     Which,
     WhichPolicy,
-    json_text,
+    is_baseline,
     option,
+    output,
+    plant_of_baseline,
+    print_json,
+    refuse_out_with_json,
+    require_folder,
 )
 from coachable.foundation.errors import PlanError
 
 if TYPE_CHECKING:
+    from coachable.behaviours.behaviour import Behaviour
+    from coachable.envs.baselines import BaselineReport
     from coachable.experiments.run_folder.reader import Run
+    from coachable.plants.plant import Plant
 
 
 def watch(
     run: Annotated[
         Positional[str],
-        arg(
-            metavar="RUN",
-            help="A run folder, a baseline (virtual-gravity, constant-torque, none) or a counterexample.",
-        ),
+        arg(metavar="RUN|BASELINE|FILE", help=f"A run folder, a counterexample's file, or {BASELINE}."),
     ],
     out: Annotated[
-        Path,
-        arg(aliases=["-o"], metavar="FILE", help="gait.gif, gait.mp4 (needs the [video] extra) or gait.png."),
+        Path, output("FILE", "A film, x.gif or x.mp4 (needs the [video] extra), or x.png, x.svg, x.pdf.")
     ],
     setup: LaneSetup = None,
     seed: Annotated[
@@ -44,7 +52,9 @@ def watch(
     ] = None,
     which: WhichPolicy = "last",
     seconds: Annotated[float, arg(help="How much of the walk.")] = 10.0,
-    semantics: Annotated[Semantics, arg(help="Of a baseline; a run has its own.")] = "paper",
+    plant: PlantOfBaseline = None,
+    behaviour: BehaviourOfBaseline = None,
+    semantics: SemanticsOfBaseline = "paper",
 ) -> None:
     """Draw a walk: the robot on the ground, its phase in colour.
 
@@ -53,7 +63,7 @@ def watch(
         coachable watch runs/paper --setup orthant --seed 3 -o gait.gif
         coachable watch runs/paper --setup sparse --seed 1 2 3 --which best -o gaits.mp4
         coachable watch runs/paper --setup sparse -o gait.png
-        coachable watch virtual-gravity -o gait.gif
+        coachable watch virtual-gravity:slope=-0.05 -o gait.gif
         coachable watch runs/walker2d --setup described --seed 0 1 -o walker2d.gif
         coachable watch runs/paper/counterexamples/orthant-3-1.json -o fall.gif
     """
@@ -64,10 +74,12 @@ def watch(
         raise PlanError(f"seconds must be greater than zero, got {seconds}")
     from coachable.experiments.walks import walk_of_baseline, walk_of_lane
 
-    if (run in CONTROLLER_NAMES or run.endswith(".json")) and (setup is not None or seed is not None):
+    robot = plant_of_baseline(plant)
+    of_baseline = is_baseline(run, robot)
+    if (of_baseline or run.endswith(".json")) and (setup is not None or seed is not None):
         raise PlanError(f"--setup and --seed name a lane of a run, but {run} is given; leave them out")
-    if run in CONTROLLER_NAMES:
-        walks = [walk_of_baseline(run, semantics, seconds)]
+    if of_baseline:
+        walks = [walk_of_baseline(run, semantics, seconds, robot, _described(behaviour))]
         who = walks[0].title
     elif run.endswith(".json"):
         from coachable.verification.falsification.counterexample_file import load_counterexample
@@ -119,14 +131,14 @@ def _draw_robot(run: Run, setup: str, seeds: list[int], which: Which, seconds: f
 
 
 def record(
-    run: Annotated[Positional[Path], arg(metavar="RUN", help="The folder of a training.")],
-    out: Annotated[Path, arg(aliases=["-o"], metavar="FILE", help="walk.csv, walk.csv.gz or walk.parquet.")],
+    run: RunFolder,
+    out: Annotated[Path, output("FILE", "x.csv, x.csv.gz or x.parquet.")],
     setup: LaneSetup = None,
     seed: LaneSeed = None,
     which: WhichPolicy = "last",
     episode: Annotated[int, arg(metavar="N", help="Which of its evaluation episodes.")] = 0,
 ) -> None:
-    """Record what a trained robot's signals are while it goes: a column each, for `coachable explain`.
+    """Record a trained robot's signals while it moves: a column each, for `coachable explain`.
 
     Of a plant of coachable, episode 0 is the evaluation episode in RUN; the others begin near its start.
 
@@ -136,12 +148,13 @@ def record(
         coachable record runs/paper --setup orthant --seed 3 --which best -o walk.parquet
         coachable explain mine.behaviour walk.csv
     """
-    from coachable.automata.trace_file import write_trace
+    from coachable.automata.trace_file import require_trace_file, write_trace
     from coachable.experiments.recorded_episodes import recorded_walk
     from coachable.experiments.run_folder.reader import Run
 
     if episode < 0:
         raise PlanError(f"episodes are counted from 0, got {episode}")
+    require_trace_file(out)
     opened = Run.open(run)
     setup = setup or opened.experiment.setups[0].name
     seed = opened.experiment.first_seed if seed is None else seed
@@ -152,21 +165,26 @@ def record(
 
 
 def gait(
-    run: Annotated[Positional[Path], arg(metavar="RUN", help="The folder of a training.")],
+    run: RunFolder,
     episodes: Annotated[int, arg(metavar="N", help="Episodes a lane, each from another start.")] = 10,
     which: WhichPolicy = "last",
     speed: Annotated[float, arg(metavar="V", help="For how soon it was reached [m/s].")] = 1.0,
-    out: Annotated[Path | None, option("DIR", "Where the table and the diagram go.", otherwise="RUN")] = None,
+    out: Annotated[
+        Path | None, output("DIR", "Where the table and the diagram go.", otherwise="the run folder")
+    ] = None,
+    json: Json = False,
 ) -> None:
-    """Tell which gaits came out of a training: do they walk, run, gallop, or hop on one foot?
+    """Measure which gaits came out of a training: do they walk, run, gallop, or hop on one foot?
 
-    Prints a table with intervals, and writes it with a footfall diagram; every episode's numbers go into RUN.
+    Prints a table with intervals, and writes it with a footfall diagram. Every episode's numbers go into
+    gaits.parquet in the run folder, with --json too.
 
     For example:
 
         coachable gait runs/walker2d
         coachable gait runs/paper
-        coachable gait runs/walker2d --episodes 20 --speed 1.5 --out results/walker2d
+        coachable gait runs/walker2d --episodes 20 --speed 1.5 -o results/walker2d
+        coachable gait runs/walker2d --json
     """
     from coachable.analysis.gait_table import tell_gaits
     from coachable.cli.progress import walkers_progress
@@ -179,9 +197,17 @@ def gait(
         raise PlanError(f"episodes must be at least 1, got {episodes}")
     if not math.isfinite(speed):
         raise PlanError(f"speed must be a finite number, got {speed}")
+    if json:
+        refuse_out_with_json(out)
+    require_folder(out)
     opened = Run.open(run)
     with walkers_progress("gait", len(opened.lanes)) as tell:
         surveyed = survey(opened, episodes, which, tell)
+    if json:
+        from coachable.analysis.numbers import gait_numbers
+
+        print_json(gait_numbers(opened, speed) | {"not_measured": surveyed.absent})
+        return
     tell_gaits(opened, speed, out or run)
     for sentence in surveyed.absent:
         print(f"not measured: {sentence}")
@@ -195,28 +221,46 @@ def gait(
 
 
 def baseline(
-    controller: Annotated[
-        ControllerName,
-        arg(help="Virtual gravity (slope −0.07), the constant torque (−1.35, −0.18) N m, or no torque."),
-    ] = "virtual-gravity",
+    name: Annotated[
+        Positional[str | None],
+        option(
+            "[BASELINE]",
+            "One of the plant's written controllers, with its settings behind it: NAME:SETTING=NUMBER.",
+            otherwise="the plant's first",
+        ),
+    ] = None,
+    plant: PlantOfBaseline = None,
+    behaviour: BehaviourOfBaseline = None,
     semantics: Annotated[
         Semantics, arg(help="What the paper means, or what its code does, quirks included.")
     ] = "paper",
-    json: Annotated[bool, arg(help="Print JSON.")] = False,
+    json: Json = False,
 ) -> None:
-    """Walk a baseline for ten seconds, in float64, and print how it does.
+    """Walk a baseline of a plant for ten seconds, in float64, and print how it does.
 
-    For example:
+    Lists the plant's baselines with the settings that each has. For example:
 
         coachable baseline
-        coachable baseline --controller constant-torque --json
+        coachable baseline virtual-gravity:slope=-0.05
+        coachable baseline constant-torque:torque=-1.3,-0.2 --json
+        coachable baseline --plant mine:Robot --behaviour mine.behaviour
         coachable baseline --semantics released-code
     """
     from coachable.envs.baselines import baseline as walk
+    from coachable.envs.baselines import controller_of
+    from coachable.plants.controllers import settings_of
 
-    report = walk(controller, semantics)
+    robot = plant_of_baseline(plant)
+    name = name or next(iter(robot.controllers()))
+    settings = settings_of(controller_of(robot.under(semantics), name))
+    report = walk(name, semantics, plant=robot, behaviour=_described(behaviour))
+    if not json:
+        _print_baseline(report, robot)
+        return
     numbers = {
-        "controller": controller,
+        "baseline": report.controller,
+        "settings": settings,
+        "plant": robot.name,
         "semantics": semantics,
         "hip_x": report.hip_x,
         "foot_x": report.foot_x,
@@ -228,13 +272,17 @@ def baseline(
         "fell": report.fell,
         "rewards": dict(report.rewards),
     }
-    if json:
-        print(json_text(numbers))
-        return
-    print(f"{controller}, {semantics} semantics, 10 s" + (": it fell" if report.fell else ""))
+    print_json(numbers)
+
+
+def _print_baseline(report: BaselineReport, plant: Plant) -> None:
+    from coachable.plants.controllers import description_of, settings_of
+
+    fell = ": it fell" if report.fell else ""
+    print(f"{report.controller} of {plant.name}, {report.semantics} semantics, 10 s{fell}")
     for what, value, digits, unit in (
-        ("hip distance", report.hip_x, 4, "m"),
-        ("foot distance", report.foot_x, 4, "m"),
+        ("distance of the base", report.hip_x, 4, "m"),
+        ("distance of the foot", report.foot_x, 4, "m"),
         ("touchdowns", report.touchdowns, 0, ""),
         ("period", report.period, 4, "s"),
         ("step length", report.step_length, 4, "m"),
@@ -244,3 +292,18 @@ def baseline(
     ):
         number = f"{value:>10.{digits}f} {unit}" if math.isfinite(value) else f"{'–':>10}"
         print(f"  {what:<24}{number}".rstrip())
+    print(f"\nBaselines of {plant.name}, with their settings:")
+    for name, controller in plant.under(report.semantics).controllers().items():
+        settings = "".join(f":{key}={_numbers(value)}" for key, value in settings_of(controller).items())
+        print(f"  {name}{settings}\n      {description_of(controller)}".rstrip())
+
+
+def _numbers(value: float | tuple[float, ...]) -> str:
+    return ",".join(f"{number:g}" for number in (value if isinstance(value, tuple) else (value,)))
+
+
+def _described(behaviour: str | None) -> Behaviour | None:
+    """The behaviour of a name or a file, if one is given."""
+    from coachable.behaviours.library import load_behaviour
+
+    return None if behaviour is None else load_behaviour(behaviour)

@@ -1,5 +1,6 @@
 """The written controllers that learning is measured against, each walked once in float64."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,7 @@ from coachable.envs.rollout import Episode, Summary, Trajectory, rollout, summar
 from coachable.envs.walking_task import NO_BOX, WalkingTask, make_task
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
+from coachable.plants.controllers import with_settings
 from coachable.plants.plant import Controller, Plant
 from coachable.plants.sampled import SampledState, sampled_step
 from coachable.rewards.setup import PAPER_SETUPS, Semantics
@@ -59,7 +61,7 @@ def baseline(
 ) -> BaselineReport:
     """Walk a written controller of a plant from its start under the free clock, unclipped, in float64.
 
-    **Arguments:** `controller_name`, one of `plant.controllers()`; the others as in `make_task`.
+    **Arguments:** `controller_name`, as in `controller_of`; the others as in `make_task`.
 
     Raises `ParameterError` for an unknown controller and what `make_task` raises.
     """
@@ -96,14 +98,35 @@ def baseline(
 
 
 def controller_of(plant: Plant, name: str) -> Controller:
-    """The written controller of a plant that has this name.
+    """The written controller of a plant that has this name, with settings behind it if they are given.
 
-    Raises `ParameterError` if there is none.
+    **Arguments:** `name`, one of `plant.controllers()`, and behind it settings of the controller, each as
+    `:name=number` with commas between several numbers: `"virtual-gravity:slope=-0.05"`.
+
+    Raises `ParameterError` if there is no such controller, or it has no such setting.
     """
     controllers = plant.controllers()
-    if name not in controllers:
-        raise ParameterError(f"unknown controller {name!r}; {suggestion(name, controllers)}")
-    return controllers[name]
+    bare, *settings = name.split(":")
+    if bare not in controllers:
+        raise ParameterError(f"{plant.name} has no baseline {bare!r}; {suggestion(bare, controllers)}")
+    return with_settings(controllers[bare], dict(_setting(each, name) for each in settings))
+
+
+def _setting(text: str, name: str) -> tuple[str, list[float]]:
+    key, _, numbers = text.partition("=")
+    try:
+        return key, [_finite(number) for number in numbers.split(",")]
+    except ValueError:
+        example = f"{key or 'name'}=-0.05"
+        raise ParameterError(
+            f"{name!r}: after each colon a setting and its number is needed, such as {example}"
+        ) from None
+
+
+def _finite(text: str) -> float:
+    if not math.isfinite(number := float(text)):
+        raise ValueError(text)
+    return number
 
 
 def touchdowns(task: WalkingTask, trajectory: Trajectory) -> tuple[np.ndarray, np.ndarray]:

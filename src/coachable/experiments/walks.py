@@ -11,7 +11,7 @@ from coachable.envs.baselines import baseline
 from coachable.experiments.api import rollout
 from coachable.experiments.experiment import Which
 from coachable.experiments.run_folder.reader import Run
-from coachable.plants.named import make_plant
+from coachable.plants.plant import Plant
 from coachable.rewards.setup import Semantics
 
 STORED_SECONDS = 10.0
@@ -27,11 +27,20 @@ class TitledMotion:
     behaviour: Behaviour
 
 
-def walk_of_baseline(name: str, semantics: Semantics, seconds: float) -> TitledMotion:
-    """A baseline's walk, in float64."""
-    plant = make_plant("compass")
-    report = baseline(name, semantics, seconds=seconds, plant=plant)
-    behaviour = load_behaviour(plant.behaviour_under(semantics))
+def walk_of_baseline(
+    name: str,
+    semantics: Semantics,
+    seconds: float,
+    plant: Plant,
+    behaviour: Behaviour | None = None,
+) -> TitledMotion:
+    """A baseline's walk, in float64.
+
+    **Arguments:** `name`, as in `controller_of`; `behaviour`, whose phases are drawn, by default the one that
+    ships for the plant.
+    """
+    behaviour = behaviour or load_behaviour(plant.behaviour_under(semantics))
+    report = baseline(name, semantics, seconds=seconds, plant=plant, behaviour=behaviour)
     motion = Motion.of(plant, report.trajectory.columns())
     return TitledMotion(f"{name}, {report.hip_x:.2f} m", motion, behaviour)
 

@@ -1,1 +1,9 @@
 """Training: proximal policy optimisation, its networks, and the policies that come out."""
+
+from coachable.learning.config import PPOConfig
+from coachable.learning.policy import Policy
+
+__all__ = [
+    "PPOConfig",
+    "Policy",
+]

@@ -1,20 +1,54 @@
 """The physics: the contract of a plant, its integration through events, and the compass walker."""
 
-from coachable.plants.compass import PAPER_PARAMETERS as PAPER_PARAMETERS
-from coachable.plants.compass import START as START
-from coachable.plants.compass import STATE_NAMES as STATE_NAMES
-from coachable.plants.compass import CompassParameters as CompassParameters
-from coachable.plants.compass import CompassWalker as CompassWalker
-from coachable.plants.compass import VirtualGravity as VirtualGravity
-from coachable.plants.controllers import ConstantTorque as ConstantTorque
-from coachable.plants.controllers import NoTorque as NoTorque
-from coachable.plants.event_search import PAPER_CHATTER as PAPER_CHATTER
-from coachable.plants.event_search import ChatterRule as ChatterRule
-from coachable.plants.integrate import Advance as Advance
-from coachable.plants.integrate import advance as advance
-from coachable.plants.named import plant_class as plant_class
-from coachable.plants.outcome import Outcome as Outcome
-from coachable.plants.plant import Dynamics as Dynamics
-from coachable.plants.plant import Event as Event
-from coachable.plants.plant import Plant as Plant
-from coachable.plants.runge_kutta import rk4 as rk4
+from coachable.plants.compass import (
+    PAPER_PARAMETERS,
+    START,
+    STATE_NAMES,
+    CompassParameters,
+    CompassWalker,
+    VirtualGravity,
+)
+from coachable.plants.controllers import ConstantTorque, NoTorque
+from coachable.plants.disturbances import Disturbances, Kick
+from coachable.plants.equations import Equations
+from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
+from coachable.plants.impact_algebra import ImpactAlgebra
+from coachable.plants.integrate import Advance, advance
+from coachable.plants.named import make_plant, plant_class, plant_names
+from coachable.plants.outcome import Outcome
+from coachable.plants.plant import Controller, Dynamics, Event, Plant
+from coachable.plants.restated import Restated
+from coachable.plants.runge_kutta import rk4
+from coachable.plants.skeleton import PointMass, Segment, Skeleton
+
+__all__ = [
+    "PAPER_CHATTER",
+    "PAPER_PARAMETERS",
+    "START",
+    "STATE_NAMES",
+    "Advance",
+    "ChatterRule",
+    "CompassParameters",
+    "CompassWalker",
+    "ConstantTorque",
+    "Controller",
+    "Disturbances",
+    "Dynamics",
+    "Equations",
+    "Event",
+    "ImpactAlgebra",
+    "Kick",
+    "NoTorque",
+    "Outcome",
+    "Plant",
+    "PointMass",
+    "Restated",
+    "Segment",
+    "Skeleton",
+    "VirtualGravity",
+    "advance",
+    "make_plant",
+    "plant_class",
+    "plant_names",
+    "rk4",
+]

@@ -1,5 +1,9 @@
 """Signal packs: the signals of robots that many people train, read from their simulators."""
 
-from coachable.envs.signals.pack import SIGNAL_PACKS as SIGNAL_PACKS
-from coachable.envs.signals.pack import SignalPack as SignalPack
-from coachable.envs.signals.pack import signal_pack as signal_pack
+from coachable.envs.signals.pack import SIGNAL_PACKS, SignalPack, signal_pack
+
+__all__ = [
+    "SIGNAL_PACKS",
+    "SignalPack",
+    "signal_pack",
+]

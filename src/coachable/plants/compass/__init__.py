@@ -1,11 +1,18 @@
 """The compass walker of Harnack et al., CDC 2023."""
 
-from coachable.plants.compass.parameters import PAPER_PARAMETERS as PAPER_PARAMETERS
-from coachable.plants.compass.parameters import START as START
-from coachable.plants.compass.parameters import STATE_NAMES as STATE_NAMES
-from coachable.plants.compass.parameters import CompassParameters as CompassParameters
-from coachable.plants.compass.virtual_gravity import VirtualGravity as VirtualGravity
-from coachable.plants.compass.walker import WALKING_TORQUE as WALKING_TORQUE
-from coachable.plants.compass.walker import CompassWalker as CompassWalker
+from coachable.plants.compass.parameters import PAPER_PARAMETERS, START, STATE_NAMES, CompassParameters
+from coachable.plants.compass.virtual_gravity import VirtualGravity
+from coachable.plants.compass.walker import WALKING_TORQUE, CompassWalker
 
 PLANT = CompassWalker
+
+__all__ = [
+    "PAPER_PARAMETERS",
+    "PLANT",
+    "START",
+    "STATE_NAMES",
+    "WALKING_TORQUE",
+    "CompassParameters",
+    "CompassWalker",
+    "VirtualGravity",
+]

@@ -111,3 +111,7 @@ class BoundPotential(BoundForm):
             (xp.where(location == k, zero + phi, zero) for k, phi in enumerate(self.potential.tolist())),
             zero,
         )
+
+
+Shaping = Potential
+"""The form by its name in the literature: Ng, Harada and Russell, ICML 1999."""
