@@ -22,8 +22,7 @@ from coachable.cli.options import (
 from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
-    from coachable.plants.plant import Plant
-    from coachable.verification.passport.closed_loop import Subject
+    from coachable.verification.passport.closed_loop import EpisodeSubject, Subject
     from coachable.verification.passport.passport import Passport
 
 
@@ -45,7 +44,8 @@ def verify(
         Literal["quick", "full"],
         arg(
             help="Adherence, orbit, stability and 1,000 starts; or 100,000 starts with pictures, pushes and "
-            "a search for falls, too, which needs the [verify] extra."
+            "a search for falls, too, which needs the [verify] extra. In a Gymnasium environment: adherence; "
+            "or pushes and the search, too."
         ),
     ] = "quick",
     which: WhichPolicy = "last",
@@ -79,6 +79,7 @@ def verify(
         coachable verify runs/paper --setup orthant --seed 3
         coachable verify runs/paper --setup orthant --seed 3 --level full
         coachable verify runs/paper --all
+        coachable verify runs/walker2d --setup both --seed 0 --level full
         coachable verify virtual-gravity --level full
         coachable verify runs/paper --setup orthant --all --certify
         coachable verify --recheck runs/paper/certificates/orthant-1.json
@@ -108,13 +109,15 @@ def verify(
         from coachable.plants.named import plant_class
         from coachable.verification.passport.closed_loop import baseline_subject
 
-        subjects = [baseline_subject(run, plant_class("compass")(), semantics, clock)]
+        subjects: list[Subject | EpisodeSubject] = [
+            baseline_subject(run, plant_class("compass")(), semantics, clock)
+        ]
         folder, beside = out, None
     else:
         subjects, beside = _subjects(run, setup, seed, which, baseline, every=all)
         folder = out or Path(run) / "passports"
     passports = _verified(subjects, level, folder, beside, certify=certify, resume=all)
-    _show(passports, subjects[0].plant, summary=all, as_json=json)
+    _show(passports, subjects[0], summary=all, as_json=json)
     if all and folder is not None:
         from coachable.verification.passport.text import write_summary
 
@@ -131,13 +134,14 @@ def _subjects(
     baseline: ControllerName,
     *,
     every: bool,
-) -> tuple[list[Subject], Subject]:
-    """The lanes asked for, and the baseline of their run."""
+) -> tuple[list[Subject | EpisodeSubject], Subject | None]:
+    """The lanes asked for, and the baseline of their run, if it is of a plant."""
+    from coachable.envs.problem import PlantProblem
     from coachable.experiments.run_folder.reader import open_run
     from coachable.verification.passport.closed_loop import baseline_subject, lane_subject
 
     opened = open_run(run)
-    plan, problem = opened.experiment, opened.experiment.require_plant("a gait passport")
+    plan, problem = opened.experiment, opened.experiment.problem
     if every:
         chosen = [] if setup is None else [opened.lane(setup, plan.first_seed).setup]
         lanes = [lane for lane in opened.lanes if not chosen or lane.setup in chosen]
@@ -145,6 +149,8 @@ def _subjects(
         first = plan.first_seed if seed is None else seed
         lanes = [opened.lane(setup or plan.setups[0].name, first)]
     subjects = [lane_subject(opened, lane.setup, lane.seed, which) for lane in lanes]
+    if not isinstance(problem, PlantProblem):
+        return subjects, None
     beside = baseline_subject(
         baseline, problem.plant, problem.semantics, subjects[0].walker.clock, opened.behaviour
     )
@@ -152,7 +158,7 @@ def _subjects(
 
 
 def _verified(
-    subjects: list[Subject],
+    subjects: list[Subject | EpisodeSubject],
     level: Literal["quick", "full"],
     folder: Path | None,
     baseline: Subject | None,
@@ -196,9 +202,12 @@ def _recheck(path: Path) -> None:
         sys.exit(1)
 
 
-def _show(passports: list[Passport], plant: Plant, *, summary: bool, as_json: bool) -> None:
+def _show(
+    passports: list[Passport], subject: Subject | EpisodeSubject, *, summary: bool, as_json: bool
+) -> None:
     from rich.console import Console
 
+    from coachable.verification.passport.closed_loop import Subject
     from coachable.verification.passport.passport import passport_data
     from coachable.verification.passport.text import print_passport, print_summary
 
@@ -214,4 +223,4 @@ def _show(passports: list[Passport], plant: Plant, *, summary: bool, as_json: bo
     if summary:
         print_summary(passports, console)
     else:
-        print_passport(passports[0], plant, console)
+        print_passport(passports[0], subject.plant if isinstance(subject, Subject) else None, console)
