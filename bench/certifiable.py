@@ -188,6 +188,7 @@ def _unsquashed(policy: Policy) -> Policy:
 
 
 def _gait(passport: Passport) -> dict[str, Any]:
+    assert passport.orbits is not None  # of a plant
     found, certificate, steps = passport.stability, passport.certificate, passport.orbits.touchdown.num_steps
     return {
         "num_steps": steps,

@@ -28,8 +28,7 @@ from coachable.cli.options import (
 from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
-    from coachable.plants.plant import Plant
-    from coachable.verification.passport.closed_loop import Subject
+    from coachable.verification.passport.closed_loop import EpisodeSubject, Subject
     from coachable.verification.passport.passport import Passport
 
 
@@ -51,7 +50,8 @@ def verify(
         Literal["quick", "full"],
         arg(
             help="Adherence, orbit, stability and 1,000 starts; or 100,000 starts with pictures, pushes and "
-            "a search for falls, too, which needs the [verify] extra."
+            "a search for falls, too, which needs the [verify] extra. In a Gymnasium environment: adherence; "
+            "or pushes and the search, too."
         ),
     ] = "quick",
     which: WhichPolicy = "last",
@@ -94,6 +94,7 @@ def verify(
         coachable verify runs/paper --setup orthant --seed 3
         coachable verify runs/paper --setup orthant --seed 3 --level full
         coachable verify runs/paper --all
+        coachable verify runs/walker2d --setup both --seed 0 --level full
         coachable verify virtual-gravity --level full
         coachable verify runs/paper --setup orthant --all --certify
         coachable verify --recheck runs/paper/certificates/orthant-1.json
@@ -123,13 +124,13 @@ def verify(
         from coachable.verification.passport.closed_loop import baseline_subject
 
         followed = None if behaviour is None else load_behaviour(behaviour)
-        subjects = [baseline_subject(run, robot, semantics, clock, followed)]
+        subjects: list[Subject | EpisodeSubject] = [baseline_subject(run, robot, semantics, clock, followed)]
         folder, beside = out, None
     else:
         subjects, beside = _subjects(run, setup, seed, which, baseline, every=all)
         folder = out or Path(run) / "passports"
     passports = _verified(subjects, level, folder, beside, certify=certify, resume=all)
-    _show(passports, subjects[0].plant, summary=all, as_json=json)
+    _show(passports, subjects[0], summary=all, as_json=json)
     if all and folder is not None:
         from coachable.verification.passport.text import write_summary
 
@@ -146,13 +147,14 @@ def _subjects(
     baseline: str | None,
     *,
     every: bool,
-) -> tuple[list[Subject], Subject]:
-    """The lanes asked for, and the baseline of their run."""
+) -> tuple[list[Subject | EpisodeSubject], Subject | None]:
+    """The lanes asked for, and the baseline of their run, if it is of a plant."""
+    from coachable.envs.problem import PlantProblem
     from coachable.experiments.run_folder.reader import open_run
     from coachable.verification.passport.closed_loop import baseline_subject, lane_subject
 
     opened = open_run(run)
-    plan, problem = opened.experiment, opened.experiment.require_plant("a gait passport")
+    plan, problem = opened.experiment, opened.experiment.problem
     if every:
         chosen = [] if setup is None else [opened.lane(setup, plan.first_seed).setup]
         lanes = [lane for lane in opened.lanes if not chosen or lane.setup in chosen]
@@ -160,6 +162,8 @@ def _subjects(
         first = plan.first_seed if seed is None else seed
         lanes = [opened.lane(setup or plan.setups[0].name, first)]
     subjects = [lane_subject(opened, lane.setup, lane.seed, which) for lane in lanes]
+    if not isinstance(problem, PlantProblem):
+        return subjects, None
     beside = baseline_subject(
         baseline or next(iter(problem.plant.controllers())),
         problem.plant,
@@ -171,7 +175,7 @@ def _subjects(
 
 
 def _verified(
-    subjects: list[Subject],
+    subjects: list[Subject | EpisodeSubject],
     level: Literal["quick", "full"],
     folder: Path | None,
     baseline: Subject | None,
@@ -218,9 +222,12 @@ def _recheck(path: Path, *, as_json: bool) -> None:
         sys.exit(1)
 
 
-def _show(passports: list[Passport], plant: Plant, *, summary: bool, as_json: bool) -> None:
+def _show(
+    passports: list[Passport], subject: Subject | EpisodeSubject, *, summary: bool, as_json: bool
+) -> None:
     from rich.console import Console
 
+    from coachable.verification.passport.closed_loop import Subject
     from coachable.verification.passport.passport import passport_data
     from coachable.verification.passport.text import print_passport, print_summary
 
@@ -234,4 +241,4 @@ def _show(passports: list[Passport], plant: Plant, *, summary: bool, as_json: bo
     if summary:
         print_summary(passports, console)
     else:
-        print_passport(passports[0], plant, console)
+        print_passport(passports[0], subject.plant if isinstance(subject, Subject) else None, console)

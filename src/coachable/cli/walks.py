@@ -33,6 +33,7 @@ from coachable.foundation.errors import PlanError
 if TYPE_CHECKING:
     from coachable.behaviours.behaviour import Behaviour
     from coachable.envs.baselines import BaselineReport
+    from coachable.experiments.recorded_episodes import Around
     from coachable.experiments.run_folder.reader import Run
     from coachable.plants.plant import Plant
 
@@ -82,8 +83,14 @@ def watch(
         walks = [walk_of_baseline(run, semantics, seconds, robot, _described(behaviour))]
         who = walks[0].title
     elif run.endswith(".json"):
-        from coachable.verification.falsification.counterexample_file import load_counterexample
+        from coachable.verification.falsification.counterexample_file import (
+            load_counterexample,
+            read_counterexample,
+        )
 
+        if "environment" in read_counterexample(Path(run)):
+            _draw_fall(Path(run), seconds, out)
+            return
         walks = [load_counterexample(Path(run))]
         who = walks[0].title
     else:
@@ -105,7 +112,37 @@ def watch(
     print(f"{out}: {who}")
 
 
-def _draw_robot(run: Run, setup: str, seeds: list[int], which: Which, seconds: float, out: Path) -> None:
+def _draw_fall(path: Path, seconds: float, out: Path) -> None:
+    """A counterexample in a Gymnasium environment, simulated anew."""
+    from coachable.verification.falsification.episode_counterexample import load_fallen_episode
+    from coachable.verification.robustness.disturbed_episode import DisturbedEnv
+
+    fallen = load_fallen_episode(path)
+    lane, seconds = fallen.lane, min(seconds, fallen.seconds)
+    _draw_robot(
+        fallen.run,
+        lane.setup,
+        [lane.seed],
+        fallen.which,
+        seconds,
+        out,
+        episode=fallen.episode,
+        around=lambda env: DisturbedEnv(env, fallen.disturbance),
+    )
+    print(f"{out}: {lane.name}, counterexample {fallen.number}; it falls after {fallen.falls_after:.2f} s")
+
+
+def _draw_robot(
+    run: Run,
+    setup: str,
+    seeds: list[int],
+    which: Which,
+    seconds: float,
+    out: Path,
+    *,
+    episode: int = 0,
+    around: Around = lambda env: env,
+) -> None:
     """A film, or a strobe picture of the end; only MuJoCo's robots are not drawn by their environment."""
     from coachable.experiments.recorded_episodes import has_limbs, recorded_walk, rendered_walk
     from coachable.foundation.style import save
@@ -120,10 +157,12 @@ def _draw_robot(run: Run, setup: str, seeds: list[int], which: Which, seconds: f
             raise PlanError(
                 f"{run.experiment.problem.robot} can only be drawn by itself, in a film: .gif or .mp4"
             )
-        drawn = [rendered_walk(run, setup, number, which, seconds) for number in seeds]
+        drawn = [rendered_walk(run, setup, number, which, seconds, episode, around) for number in seeds]
         draw_rendered(drawn, out, run.behaviour.phases)
         return
-    views = [SideView.of(recorded_walk(run, setup, number, which, seconds=seconds)) for number in seeds]
+    views = [
+        SideView.of(recorded_walk(run, setup, number, which, episode, seconds, around)) for number in seeds
+    ]
     if is_picture:
         save(robot_strobe(views), out)
     else:

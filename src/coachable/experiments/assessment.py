@@ -162,10 +162,12 @@ def roll_out_episodes(
 
 def actor(policy: Policy) -> Callable[[np.ndarray], np.ndarray]:
     """The policy as a function of an observation, compiled once for all policies of its shape."""
-    return lambda observation: np.asarray(_act(policy, np.asarray(observation, np.float32)))
+    leaves, shape = jax.tree.flatten(policy)
+    return lambda observation: np.asarray(_act(shape, leaves, np.asarray(observation, np.float32)))
 
 
-_act = eqx.filter_jit(lambda policy, observation: policy(observation))
+# A call of `eqx.filter_jit` takes several times as long, and it is made in every step.
+_act = jax.jit(lambda shape, leaves, observation: shape.unflatten(leaves)(observation), static_argnums=0)
 
 
 def with_share(columns: Columns) -> Columns:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -28,6 +28,8 @@ from coachable.experiments.run_folder.reader import Run
 from coachable.foundation.errors import ParameterError, PlanError
 from coachable.learning.policy import Policy
 
+Around = Callable[[gymnasium.Env], gymnasium.Env]
+
 UNKNOWN_DT = 0.04
 """Between two pictures of an environment that does not say how long a step lasts [s]."""
 
@@ -48,19 +50,29 @@ class RenderedWalk:
         return Image.fromarray(self.pictures[sample])
 
 
-def rendered_walk(run: Run, setup: str, seed: int, which: Which, seconds: float) -> RenderedWalk:
-    """The first episode of a lane's evaluations, as far as it goes.
+def rendered_walk(
+    run: Run,
+    setup: str,
+    seed: int,
+    which: Which,
+    seconds: float,
+    episode: int = 0,
+    around: Around = lambda env: env,
+) -> RenderedWalk:
+    """An episode of a lane's evaluations, as far as it goes.
+
+    **Arguments:** `around`, what is put around the environment, such as a disturbance.
 
     **Raises:** `RunFolderError` if the run has no such lane, `PlanError` if its environment draws nothing.
     """
     if sys.platform == "linux" and not os.environ.get("DISPLAY"):
         os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo would look for a window
     policy = run.policy(setup, seed, which)
-    with closing(
-        run.experiment.problem.environment(run.experiment.setup(setup), render_mode="rgb_array")
-    ) as env:
-        dt = time_step(env) or UNKNOWN_DT
-        steps = _steps(env, policy, 0, seconds / dt)
+    problem = run.experiment.problem
+    with closing(around(problem.environment(run.experiment.setup(setup), render_mode="rgb_array"))) as env:
+        given = problem.dt if isinstance(problem, EnvironmentProblem) else None
+        dt = given or time_step(env) or UNKNOWN_DT
+        steps = _steps(env, policy, episode, seconds / dt)
         pictures, phases = zip(*((_picture(env), step.phase) for step in steps), strict=True)
     return RenderedWalk(
         f"{setup}, seed {seed}", np.arange(len(phases)) * dt, np.stack(pictures), np.array(phases)
@@ -74,8 +86,11 @@ def recorded_walk(
     which: Which = "last",
     episode: int = 0,
     seconds: float = np.inf,
+    around: Around = lambda env: env,
 ) -> RecordedWalk:
     """An episode of a lane's evaluations, as far as it goes, from its start on.
+
+    **Arguments:** `around`, what is put around the environment, such as a disturbance.
 
     **Raises:** `RunFolderError` if the run has no such lane, `ParameterError` if its environment does not say
     how long a step lasts, `PlanError` for an episode that a plant does not have.
@@ -86,12 +101,8 @@ def recorded_walk(
     policy = run.policy(setup, seed, which)
     described = run.experiment.setup(setup)
     appended = len(run.behaviour.phases) + 1 if described.observe != "nothing" else 0
-    with closing(problem.environment(described)) as env:
-        dt = time_step(env)
-        if dt is None:
-            raise ParameterError(
-                f"{problem.env} does not say how long a step lasts: it has no dt and no render_fps"
-            )
+    with closing(around(problem.environment(described))) as env:
+        dt = step_seconds(problem, env)
         has_pack = not problem.signals and problem.env in SIGNAL_PACKS
         signals = signal_pack(problem.env).signals if has_pack else run.behaviour.signals
         read = reader_of_one(env, tuple(signal.name for signal in signals), problem.signal_sources)
@@ -132,6 +143,20 @@ def has_limbs(run: Run) -> bool:
         return Limbs.of(env) is not None
     finally:
         env.close()
+
+
+def step_seconds(problem: EnvironmentProblem, env: gymnasium.Env) -> float:
+    """The time between two steps [s]: the plan's, or the environment's own.
+
+    **Raises:** `ParameterError` if neither gives one.
+    """
+    dt = problem.dt or time_step(env)
+    if dt is None:
+        raise ParameterError(
+            f"{problem.env} does not say how long a step lasts: it has no dt and no render_fps; give "
+            "the plan a dt"
+        )
+    return dt
 
 
 class _Step(NamedTuple):

@@ -22,7 +22,8 @@ from coachable.verification.passport.passport import (
     write_passport,
 )
 from coachable.verification.passport.text import print_passport, write_summary
-from coachable.verification.robustness.basin import Basin, Proportion
+from coachable.verification.proportion import Proportion
+from coachable.verification.robustness.basin import Basin
 from coachable.verification.robustness.pushes import Pushes, Tolerance
 
 NOTHING = float("nan")

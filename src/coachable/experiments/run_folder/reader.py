@@ -20,7 +20,7 @@ from coachable.experiments.plan import parse_plan
 from coachable.experiments.run_folder.schemas import GAITS, READABLE, schemas
 from coachable.foundation.data import parse_json, structure
 from coachable.foundation.errors import BehaviourError, PlanError, RunFolderError
-from coachable.foundation.files import read_bytes, read_text
+from coachable.foundation.files import hash_of, read_bytes, read_text
 from coachable.foundation.suggestion import suggestion
 from coachable.foundation.tables import table_from
 
@@ -122,6 +122,10 @@ class Run:
             if isinstance(error, RunFolderError) and str(self.path) in str(error):
                 raise
             raise RunFolderError(f"{weights} is damaged: {error}") from None
+
+    def policy_sha256(self, setup: str, seed: int, which: Which = "last") -> str:
+        """The hash of the file with the lane's weights."""
+        return hash_of(self._read(f"policies/{self.lane(setup, seed).name}-{which}.safetensors"))
 
     def has_table(self, name: str) -> bool:
         """Whether a table has been written."""

@@ -42,13 +42,27 @@ def write_counterexamples(
 
     **Returns:** where they are, LANE-1.json first; nothing is written where there are none.
     """
-    place = folder / "counterexamples"
     found = [(one, result) for result in results for one in result.counterexamples]
-    paths = tuple(place / f"{lane}-{number}.json" for number in range(1, len(found) + 1))
+    return write_numbered(
+        folder,
+        lane,
+        [
+            _data(lane, number, one, result, plant, behaviour)
+            for number, (one, result) in enumerate(found, start=1)
+        ],
+    )
+
+
+def write_numbered(folder: Path, lane: str, files: Sequence[Mapping[str, Any]]) -> tuple[Path, ...]:
+    """Write the data of a lane's counterexamples, LANE-1.json first, in place of all older ones.
+
+    **Returns:** where they are.
+    """
+    place = folder / "counterexamples"
+    paths = tuple(place / f"{lane}-{number}.json" for number in range(1, len(files) + 1))
     if paths:
         place.mkdir(exist_ok=True)
-    for number, (path, (one, result)) in enumerate(zip(paths, found, strict=True), start=1):
-        data = _data(lane, number, one, result, plant, behaviour)
+    for path, data in zip(paths, files, strict=True):
         write_atomic(path, json_text(data, indent=None) + "\n")
     for old in place.glob("*.json"):
         stem, _, number = old.stem.rpartition("-")
@@ -57,10 +71,10 @@ def write_counterexamples(
     return paths
 
 
-def load_counterexample(path: Path) -> TitledMotion:
-    """The motion of a counterexample's file, to be drawn.
+def read_counterexample(path: Path) -> dict[str, Any]:
+    """A counterexample's file as plain data; that of a Gymnasium environment has a key `environment`.
 
-    **Raises:** `RunFolderError` if the file is missing, of another version, or damaged.
+    **Raises:** `RunFolderError` if the file is missing, no JSON object, or of another version.
     """
     data = parse_json(read_bytes(path), str(path), RunFolderError)
     version = data.get("format_version")
@@ -69,6 +83,15 @@ def load_counterexample(path: Path) -> TitledMotion:
             f"{path} has format_version {version!r}; this coachable reads {FORMAT_VERSION}. "
             "Use the version of coachable that wrote it"
         )
+    return data
+
+
+def load_counterexample(path: Path) -> TitledMotion:
+    """The motion of a plant's counterexample, to be drawn.
+
+    **Raises:** `RunFolderError` if the file is missing, of another version, or damaged.
+    """
+    data = read_counterexample(path)
     damaged = f"{path} is damaged, or no counterexample"
     file = structure(_File, data, damaged, RunFolderError)
     try:

@@ -1,6 +1,7 @@
-"""Does the plant do what was described? Its phases, edges and cycles, and what it does beside them."""
+"""Does the robot do what was described? Its phases, edges and cycles, and what it does beside them."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import jax
@@ -9,8 +10,10 @@ import numpy as np
 
 from coachable.automata.monitor import Monitor
 from coachable.behaviours.behaviour import Behaviour
+from coachable.experiments.recorded_episodes import RecordedWalk
 from coachable.plants.plant import Plant
 from coachable.verification.gait.walk import SampledWalk
+from coachable.verification.proportion import Proportion
 
 
 @dataclass(frozen=True)
@@ -26,13 +29,13 @@ class Transition:
 
 @dataclass(frozen=True)
 class Adherence:
-    """A walk against the behaviour that it was to follow, sample by sample."""
+    """A walk, or several, against the behaviour that was to be followed, sample by sample."""
 
     behaviour: str
     seconds: float
-    """How long the walk was [s]."""
+    """How long the walk was, or all of them together [s]."""
     up: bool
-    """Whether the plant was still up at its end."""
+    """Whether the robot was still up at the end; of several walks, of each."""
     share_in_phases: float
     """Share of the samples that were in a phase."""
     phases: Mapping[str, float]
@@ -45,6 +48,8 @@ class Adherence:
     """How many of each kind."""
     explained: tuple[str, ...]
     """The first violation of each kind in a sentence."""
+    episodes: Proportion | None = None
+    """In a Gymnasium environment: the walks, and how many of them did not terminate."""
 
     @property
     def follows(self) -> bool:
@@ -59,23 +64,58 @@ def adherence(behaviour: Behaviour, plant: Plant, walk: SampledWalk) -> Adherenc
     """
     new = np.concatenate([[True], np.diff(walk.time) > 0])  # a touchdown may fall on a sample
     columns = _signals(behaviour, plant, walk.x[new])
-    monitor = Monitor(behaviour)
-    locations, violations = monitor.feed_rows(walk.time[new], columns)
-    report = monitor.report()
-    first = {violation.kind: violation for violation in reversed(violations)}
+    return _monitored(behaviour, [(walk.time[new], columns)], walk.seconds, walk.up)
+
+
+def adherence_in_episodes(behaviour: Behaviour, walks: Sequence[RecordedWalk]) -> Adherence:
+    """Monitor each of several episodes from its start on, and count what all of them did."""
+    up = Proportion(sum(not walk.fell for walk in walks), len(walks))
+    return _monitored(
+        behaviour,
+        [(walk.time, walk.trace.values) for walk in walks],
+        seconds=sum(float(walk.time[-1]) for walk in walks),
+        up=up.count == up.total,
+        episodes=up,
+    )
+
+
+def _monitored(
+    behaviour: Behaviour,
+    traces: Sequence[tuple[np.ndarray, Mapping[str, np.ndarray]]],
+    seconds: float,
+    up: bool,
+    episodes: Proportion | None = None,
+) -> Adherence:
+    """The adherence of traces, each the times and the signals of a walk."""
+    samples, moves = 0, Counter[tuple[str | None, str | None]]()
+    samples_in, violations = Counter[str](), Counter[str]()
+    completed = np.zeros(len(behaviour.cycles), int)
+    explained: dict[str, str] = {}
+    for time, columns in traces:
+        monitor = Monitor(behaviour)
+        locations, found = monitor.feed_rows(time, columns)
+        report = monitor.report()
+        samples += report.samples
+        samples_in.update(report.samples_in)
+        violations.update({kind.value: count for kind, count in report.violations.items()})
+        completed += report.cycles
+        moves.update(_moves(behaviour, locations))
+        for violation in found:
+            explained.setdefault(violation.kind.value, violation.sentence)
     return Adherence(
         behaviour=behaviour.name,
-        seconds=walk.seconds,
-        up=walk.up,
-        share_in_phases=report.share_in_cycle or 0.0,
-        phases={name: count / report.samples for name, count in report.samples_in.items()},
-        transitions=_transitions(behaviour, locations),
+        seconds=seconds,
+        up=up,
+        share_in_phases=samples_in.total() / samples,
+        phases={name: samples_in[name] / samples for name in behaviour.phase_names},
+        transitions=_transitions(behaviour, moves),
         cycles={
             " → ".join([*(edge.source for edge in cycle), cycle[0].source]): count
-            for cycle, count in zip(behaviour.cycles, report.cycles, strict=True)
+            for cycle, count in zip(behaviour.cycles, completed.tolist(), strict=True)
         },
-        violations={kind.value: count for kind, count in report.violations.items()},
-        explained=tuple(first[kind].sentence for kind in report.violations),
+        violations=dict(violations),
+        explained=tuple(explained[kind] for kind in violations),
+        episodes=episodes,
     )
 
 
@@ -90,17 +130,23 @@ def _signals(behaviour: Behaviour, plant: Plant, x: np.ndarray) -> dict[str, np.
     return columns
 
 
-def _transitions(behaviour: Behaviour, locations: np.ndarray) -> tuple[Transition, ...]:
+def _moves(behaviour: Behaviour, locations: np.ndarray) -> dict[tuple[str | None, str | None], int]:
+    """How often a walk moved from one location to another."""
     names = (*behaviour.phase_names, None)
-    edges = list(dict.fromkeys((edge.source, edge.target) for edge in behaviour.edges))
     moved = locations[1:] != locations[:-1]
     pairs, counts = np.unique(
         np.stack([locations[:-1][moved], locations[1:][moved]], axis=-1), axis=0, return_counts=True
     )
-    counted = {
+    return {
         (names[one], names[other]): int(count)
         for (one, other), count in zip(pairs.tolist(), counts, strict=True)
     }
+
+
+def _transitions(
+    behaviour: Behaviour, counted: Mapping[tuple[str | None, str | None], int]
+) -> tuple[Transition, ...]:
+    edges = list(dict.fromkeys((edge.source, edge.target) for edge in behaviour.edges))
     others = sorted(counted.keys() - set(edges), key=lambda pair: (-counted[pair], str(pair)))
     return (
         *(Transition(*pair, count=counted.get(pair, 0), described=True) for pair in edges),

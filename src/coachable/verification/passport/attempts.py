@@ -10,12 +10,20 @@ import numpy as np
 
 from coachable.foundation.errors import MissingExtraError, ParameterError
 from coachable.verification.falsification.counterexample_file import write_counterexamples
-from coachable.verification.falsification.falsify import search_for_falls
-from coachable.verification.passport.closed_loop import Subject
+from coachable.verification.falsification.episode_counterexample import write_episode_counterexamples
+from coachable.verification.falsification.episode_falls import (
+    EpisodeFalsification,
+    search_for_falls_in_episodes,
+)
+from coachable.verification.falsification.falsify import Falsification, search_for_falls
+from coachable.verification.passport.closed_loop import EpisodeSubject, Subject
 from coachable.verification.passport.passport import Certified, FallSearch, Passport
 
 FALL_BUDGET = 1_000
 """Walks of each search for a fall."""
+
+EPISODE_BUDGET = 100
+"""Episodes of each search for a fall in a Gymnasium environment, which are walked one after another."""
 
 SECONDS_OF_A_PROOF = 300.0
 """After which no larger box is tried for a certificate."""
@@ -33,18 +41,31 @@ def falls(subject: Subject, gait: np.ndarray, folder: Path | None) -> tuple[Fall
     )
     if folder is not None:
         write_counterexamples(run_of(folder), subject.walker.name, found, plant, subject.behaviour)
-    return tuple(
-        FallSearch(
-            within=one.perturbation.sentence(plant),
-            seconds=one.seconds,
-            walks=FALL_BUDGET,
-            first_fall=one.searches[0].first_fall,
-            first_fall_at_random=one.searches[1].first_fall,
-            least_margin=min(float(search.least_margin) for search in one.searches),
-            confirmed=len(one.counterexamples),
-            unconfirmed=len(one.unconfirmed),
+    return tuple(_fall_search(one.perturbation.sentence(plant), one) for one in found)
+
+
+def falls_in_episodes(
+    subject: EpisodeSubject, episode: int, folder: Path | None, progress: Callable[[float], None]
+) -> tuple[FallSearch, ...]:
+    """Search for falls from a start of the evaluations; counterexamples are written beside the passports."""
+    found = search_for_falls_in_episodes(subject.loop, episode, budget=EPISODE_BUDGET, progress=progress)
+    if folder is not None:
+        write_episode_counterexamples(
+            run_of(folder), subject.walker.name, subject.run, subject.lane, subject.which, found
         )
-        for one in found
+    return tuple(_fall_search(one.perturbation.sentence, one) for one in found)
+
+
+def _fall_search(within: str, found: Falsification | EpisodeFalsification) -> FallSearch:
+    return FallSearch(
+        within=within,
+        seconds=found.seconds,
+        walks=found.searches[0].walks,
+        first_fall=found.searches[0].first_fall,
+        first_fall_at_random=found.searches[1].first_fall,
+        least_margin=min(float(search.least_margin) for search in found.searches),
+        confirmed=len(found.counterexamples),
+        unconfirmed=len(found.unconfirmed),
     )
 
 
@@ -71,12 +92,13 @@ def certificate(
         "run": None if walker.setup is None or folder is None else run_of(folder.resolve()).name,
         "policy_sha256": walker.policy_sha256,
     }
+    assert passport.orbits is not None, "only a gait can be certified"
     orbit = passport.orbits.touchdown
     try:
         proposal = propose(subject.loop, orbit, about, seconds=SECONDS_OF_A_PROOF, progress=used)
     except ParameterError as error:
         used(1.0)
-        return Certified(False, 0.0, float("nan"), 0, f"not tried: {error}", None)
+        return not_certified(f"not tried: {error}")
     used(1.0)
     path = None
     if proposal.certificate is not None and folder is not None:
@@ -101,6 +123,11 @@ def no_certificate(obstacle: str) -> Certified:
         if obstacle
         else "not tried: certificates are for the semantics `paper`"
     )
+    return not_certified(reason)
+
+
+def not_certified(reason: str) -> Certified:
+    """That there is no proof, and why."""
     return Certified(False, 0.0, float("nan"), 0, reason, None)
 
 

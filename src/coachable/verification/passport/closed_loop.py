@@ -7,15 +7,16 @@ from dataclasses import dataclass
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.baselines import controller_of
-from coachable.experiments.experiment import Which
+from coachable.envs.problem import PlantProblem
+from coachable.experiments.experiment import Lane, Which
 from coachable.experiments.run_folder.reader import Run
-from coachable.foundation.files import hash_of, read_bytes
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
 from coachable.plants.plant import Controller, Plant
 from coachable.plants.sampled import Clock
 from coachable.rewards.setup import Semantics
 from coachable.verification.gait.closed_loop import ClosedLoop
 from coachable.verification.passport.passport import Walker
+from coachable.verification.robustness.disturbed_episode import EpisodeLoop
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,26 +37,49 @@ class Subject:
         )
 
 
-def lane_subject(run: Run, setup: str, seed: int, which: Which = "last") -> Subject:
+@dataclass(frozen=True, eq=False)
+class EpisodeSubject:
+    """A lane of a run in a Gymnasium environment, whose physics can be stepped but not looked into."""
+
+    walker: Walker
+    run: Run
+    lane: Lane
+    which: Which
+
+    @property
+    def behaviour(self) -> Behaviour:
+        """The run's."""
+        return self.run.behaviour
+
+    def loop(self) -> EpisodeLoop:
+        """The closed loop, in an environment that is made anew."""
+        return EpisodeLoop.of(self.run, self.lane.setup, self.lane.seed, self.which)
+
+
+def lane_subject(run: Run, setup: str, seed: int, which: Which = "last") -> Subject | EpisodeSubject:
     """A lane of a run.
 
     **Raises:** `RunFolderError` if the run has no such lane, or its policy is missing or damaged.
     """
-    problem = run.experiment.require_plant("a gait passport")
-    lane = run.lane(setup, seed).name
+    problem, lane = run.experiment.problem, run.lane(setup, seed)
     policy = run.policy(setup, seed, which)
+    plant = problem if isinstance(problem, PlantProblem) else None
+    walker = Walker(
+        name=lane.name if which == "last" else f"{lane.name}-{which}",
+        setup=setup,
+        seed=seed,
+        which=which,
+        policy_sha256=run.policy_sha256(setup, seed, which),
+        semantics=None if plant is None else plant.semantics,
+        clock="touchdown" if policy.clock == "touchdown" else "free",
+        environment=problem.robot if plant is None else None,
+    )
+    if plant is None:
+        return EpisodeSubject(walker, run, lane, which)
     return Subject(
-        walker=Walker(
-            name=lane if which == "last" else f"{lane}-{which}",
-            setup=setup,
-            seed=seed,
-            which=which,
-            policy_sha256=hash_of(read_bytes(run.path / "policies" / f"{lane}-{which}.safetensors")),
-            semantics=problem.semantics,
-            clock="touchdown" if policy.clock == "touchdown" else "free",
-        ),
+        walker=walker,
         controller=policy,
-        plant=problem.plant.under(problem.semantics),
+        plant=plant.plant.under(plant.semantics),
         behaviour=run.behaviour,
     )
 

@@ -14,19 +14,13 @@ from coachable.rewards.setup import Semantics
 from coachable.verification.gait.adherence import Adherence
 from coachable.verification.gait.orbit import Orbit
 from coachable.verification.gait.stability import Stability
-from coachable.verification.robustness.basin import Basin, Proportion
+from coachable.verification.proportion import Proportion
+from coachable.verification.robustness.basin import Basin
 from coachable.verification.robustness.pushes import Pushes
 
 FORMAT_VERSION = 1
 Level = Literal["quick", "full"]
 LEVELS: tuple[Level, ...] = ("quick", "full")
-
-_DERIVED = {
-    Adherence: ("follows",),
-    Orbit: ("speed",),
-    Stability: ("largest", "error", "verdict", "kinks"),
-    Proportion: ("share", "interval"),
-}
 
 
 @dataclass(frozen=True)
@@ -40,9 +34,22 @@ class Walker:
     which: Literal["last", "best"] | None
     policy_sha256: str | None
     """Of the file with the policy's weights; `None` for a baseline."""
-    semantics: Semantics
+    semantics: Semantics | None
+    """Of a plant."""
     clock: Clock
     """Its own clock, with which a policy was trained."""
+    environment: str | None = None
+    """The id of its Gymnasium environment; `None` for a plant."""
+
+    @property
+    def no_section(self) -> str | None:
+        """Why nothing is known of orbits, stability, basins and certificates; `None` for a plant."""
+        if self.environment is None:
+            return None
+        return (
+            f"no section: the physics of {self.environment} is not a plant of coachable, so its return map "
+            "cannot be computed, and there is no orbit, no multipliers, no basin and no certificate"
+        )
 
 
 @dataclass(frozen=True)
@@ -70,9 +77,9 @@ class FallSearch:
     least_margin: float
     """Of all walks of both; not positive where one falls, and small where one nearly does."""
     confirmed: int
-    """Falls that SciPy walked once more with the same end; kept as counterexamples."""
+    """Falls that were walked once more with the same end; kept as counterexamples."""
     unconfirmed: int
-    """Falls that SciPy was given and did not see."""
+    """Falls that were not seen again."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +106,9 @@ class Passport:
     walker: Walker
     level: Level
     adherence: Adherence
-    """Of 100 s from x₀ with its own clock."""
-    orbits: Orbits
+    """Of 100 s from x₀ with its own clock; in a Gymnasium environment, of its episodes."""
+    orbits: Orbits | None
+    """`None` in a Gymnasium environment; the walker's `no_section` is the reason."""
     stability: Stability | None
     """Of the orbit under the touchdown clock; `None` without a periodic one."""
     basins: tuple[Basin, ...]
@@ -111,30 +119,35 @@ class Passport:
     """What stands beside it in the table of pushes."""
     baseline_pushes: Pushes | None
     falls: tuple[FallSearch, ...] = ()
-    """Level full, under its own clock; empty without a gait, in `released-code`
-    semantics, and for a plant without a second statement."""
+    """Level full, under its own clock; empty without a gait, where every episode terminates, in
+    `released-code` semantics, and for a plant without a second statement."""
     certificate: Certified | None = None
     """With the touchdown clock, where one was requested."""
 
     @property
-    def gait(self) -> Orbit:
-        """The gait under its own clock."""
+    def gait(self) -> Orbit | None:
+        """The gait under its own clock; `None` without a section."""
+        if self.orbits is None:
+            return None
         return self.orbits.free if self.walker.clock == "free" else self.orbits.touchdown
 
     @property
     def certifiable(self) -> bool:
         """Whether there is a periodic, stable orbit with the touchdown clock, by the paper's rules."""
         stable = self.stability is not None and self.stability.verdict == "stable"
-        return stable and self.orbits.touchdown.kind == "periodic" and self.walker.semantics == "paper"
+        periodic = self.orbits is not None and self.orbits.touchdown.kind == "periodic"
+        return stable and periodic and self.walker.semantics == "paper"
 
     @property
     def walks(self) -> bool:
-        """Whether it was up after 100 s and still took steps."""
-        return self.gait.kind != "none"
+        """Whether it was up after 100 s and still took steps; without a section, up in every episode."""
+        return self.adherence.up if self.gait is None else self.gait.kind != "none"
 
     @property
     def verdict(self) -> str:
         """The passport in one sentence."""
+        if self.orbits is None:
+            return _episodes_verdict(self.adherence)
         if not self.adherence.up:
             return f"does not walk: it fell after {self.adherence.seconds:.2f} s"
         if not self.walks:
@@ -146,6 +159,15 @@ class Passport:
         if self.orbits.touchdown.kind == "none":
             return "walks, but falls when its clock restarts at touchdown"
         return "walks without repeating itself"
+
+
+_DERIVED = {
+    Walker: ("no_section",),
+    Adherence: ("follows",),
+    Orbit: ("speed",),
+    Stability: ("largest", "error", "verdict", "kinks"),
+    Proportion: ("share", "interval"),
+}
 
 
 def passport_path(folder: Path, name: str) -> Path:
@@ -181,6 +203,13 @@ def read_passport(path: Path) -> Passport:
         return structure(Passport, data, f"{path} is damaged", RunFolderError, derived=_DERIVED)
     except RunFolderError as error:
         raise RunFolderError(f"{error}. Delete it and verify the walker again") from None
+
+
+def _episodes_verdict(seen: Adherence) -> str:
+    assert seen.episodes is not None, "adherence without a plant is of episodes"
+    up = f"is up at the end of {seen.episodes.count} of {seen.episodes.total} episodes"
+    completed = sum(seen.cycles.values())
+    return f"{up} and completes {completed:,} described {'cycle' if completed == 1 else 'cycles'}"
 
 
 def _steps(count: int) -> str:

@@ -22,7 +22,9 @@ from coachable.verification.labels import (
     section_units,
     with_units,
 )
-from coachable.verification.robustness.basin import SECONDS, Basin, Proportion
+from coachable.verification.proportion import Proportion
+from coachable.verification.robustness.basin import SECONDS, Basin
+from coachable.verification.robustness.pushes import ENOUGH
 from coachable.verification.robustness.pushes import SECONDS as PUSH_SECONDS
 
 if TYPE_CHECKING:
@@ -40,19 +42,47 @@ _LEGEND = (
     "repeat. cycles: completed in 100 s, median of those up. x₀, section: percentage of starts from these "
     "boxes that reach the gait, mean of all walkers. proven: with a certificate."
 )
+_ENVIRONMENT_COLUMNS = ("setup", "walkers", "up", "% up", "in phases", "cycles", "push", "fall found")
+_ENVIRONMENT_LEGEND = (
+    "up: in every episode. % up: of the episodes, mean. in phases: percentage of the samples, mean. cycles: "
+    "completed in all episodes, median. push: of the actions, in halves of their range, that 95 % of the "
+    "episodes survive, median. fall found: walkers with a counterexample, of those searched."
+)
 _TITLE = "Gait passports by setup"
 
 
-def print_passport(passport: Passport, plant: Plant, console: Console) -> None:
-    """Print a whole passport, with the names of the plant that it is about."""
+def print_passport(passport: Passport, plant: Plant | None, console: Console) -> None:
+    """Print a whole passport, with the names of the plant that it is about, if it is about one."""
     walker = passport.walker
+    about = walker.environment or f"{walker.semantics} semantics, {walker.clock} clock"
     parts: list[object] = [
         Text(f"{walker.name}: {passport.verdict}", style="bold"),
-        Text(f"{walker.semantics} semantics, {walker.clock} clock, level {passport.level}", style="dim"),
+        Text(f"{about}, level {passport.level}", style="dim"),
         *_section("adherence", _adherence(passport.adherence)),
-        *_section("orbit, free clock", _orbit(passport.orbits.free, plant)),
-        *_section("orbit, touchdown clock", _orbit(passport.orbits.touchdown, plant)),
     ]
+    if walker.no_section is not None:
+        parts += _section("orbit, stability, basin, certificate", [("none", walker.no_section)])
+    console.print(Group(*parts))  # pyright: ignore[reportArgumentType]
+    if plant is not None:
+        _print_gait(passport, plant, console)
+    elif passport.pushes is not None:
+        console.print(Padding(_survival(passport.pushes), (1, 0, 0, 2)))
+    if passport.falls:
+        again = "SciPy" if plant is not None else "an environment made anew"
+        rows = [row for search in passport.falls for row in _falls(search, again)]
+        title = f"looked for falls within {passport.falls[0].seconds:g} s; none found is no proof"
+        console.print(Group(*_section(title, rows)))  # pyright: ignore[reportArgumentType]
+    if passport.certificate is not None and plant is not None:
+        rows = _certificate(passport.certificate)
+        console.print(Group(*_section("certificate, touchdown clock", rows)))  # pyright: ignore
+
+
+def _print_gait(passport: Passport, plant: Plant, console: Console) -> None:
+    """What is known of a plant's gait alone: orbits, stability, basins and what it withstands."""
+    parts: list[object] = []
+    if passport.orbits is not None:
+        parts += _section("orbit, free clock", _orbit(passport.orbits.free, plant))
+        parts += _section("orbit, touchdown clock", _orbit(passport.orbits.touchdown, plant))
     if passport.stability is not None:
         parts += _section("stability, touchdown clock", _stability(passport.stability, plant))
     if passport.basins:
@@ -66,13 +96,6 @@ def print_passport(passport: Passport, plant: Plant, console: Console) -> None:
         if not plant.disturbances().changes:
             note = f"no constants of {plant.name} were changed: it gives none that can be"
             console.print(Padding(Text(note, style="dim"), (0, 0, 0, 2)))
-    if passport.falls:
-        rows = [row for search in passport.falls for row in _falls(search)]
-        title = f"looked for falls within {passport.falls[0].seconds:g} s; none found is no proof"
-        console.print(Group(*_section(title, rows)))  # pyright: ignore[reportArgumentType]
-    if passport.certificate is not None:
-        rows = _certificate(passport.certificate)
-        console.print(Group(*_section("certificate, touchdown clock", rows)))  # pyright: ignore
 
 
 def print_summary(passports: Sequence[Passport], console: Console) -> None:
@@ -85,7 +108,7 @@ def print_summary(passports: Sequence[Passport], console: Console) -> None:
     for row in rows:
         table.add_row(*row)
     console.print(table)
-    console.print(_LEGEND, style="dim")
+    console.print(_legend(passports), style="dim")
     for line in _counts(passports):
         console.print(line)
 
@@ -95,7 +118,7 @@ def write_summary(passports: Sequence[Passport], folder: Path) -> None:
     header, *rows = _summary(passports)
     ruled = [header, ["---"] + ["---:"] * (len(header) - 1), *rows]
     lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in ruled]
-    note = "\n\n".join([_LEGEND, *_counts(passports)])
+    note = "\n\n".join([_legend(passports), *_counts(passports)])
     write_atomic(folder / "summary.md", f"# {_TITLE}\n\n" + "\n".join(lines) + f"\n\n{note}\n")
     data = {"title": _TITLE, "header": header, "rows": rows, "note": note}
     write_atomic(folder / "summary.json", json.dumps(data, indent=2, ensure_ascii=False) + "\n")
@@ -111,20 +134,14 @@ def _counts(passports: Sequence[Passport]) -> list[str]:
         ups.append(f"{setup or 'baseline'} [{100 * low:.0f}, {100 * high:.0f}]")
     up = [one for one in passports if one.adherence.up]
     closed = sum(any(one.adherence.cycles.values()) for one in up)
-    kinds = {
-        clock: [getattr(one.orbits, clock).kind for one in passports].count for clock in ("free", "touchdown")
-    }
-    clocks = " and ".join(
-        f"with the {clock} clock {_many(count('periodic'), 'repeats itself', 'repeat themselves')} and "
-        f"{_many(count('wandering'), 'wanders', 'wander')}"
-        for clock, count in kinds.items()
-    )
-    counts = [
-        f"Up after 100 s, 95 % interval in percent: {', '.join(ups)}.",
-        f"Of {_many(len(passports), 'walker', 'walkers')}, {clocks}.",
+    when = "in every episode" if _in_environment(passports) else "after 100 s"
+    counts = [f"Up {when}, 95 % interval in percent: {', '.join(ups)}."]
+    if not _in_environment(passports):
+        counts.append(f"Of {_many(len(passports), 'walker', 'walkers')}, {_clocks(passports)}.")
+    counts.append(
         f"Of the {_many(len(up), 'that is up', 'that are up')}, "
-        f"{_many(closed, 'completes', 'complete')} a described cycle at least once.",
-    ]
+        f"{_many(closed, 'completes', 'complete')} a described cycle at least once."
+    )
     searched = [one for one in passports if one.falls]
     if searched:
         safe = sum(not any(search.confirmed for search in one.falls) for one in searched)
@@ -142,14 +159,43 @@ def _counts(passports: Sequence[Passport]) -> list[str]:
     return counts
 
 
+def _clocks(passports: Sequence[Passport]) -> str:
+    """How many repeat themselves and how many wander under each clock."""
+    kinds = {
+        clock: [getattr(one.orbits, clock).kind for one in passports].count for clock in ("free", "touchdown")
+    }
+    return " and ".join(
+        f"with the {clock} clock {_many(count('periodic'), 'repeats itself', 'repeat themselves')} and "
+        f"{_many(count('wandering'), 'wanders', 'wander')}"
+        for clock, count in kinds.items()
+    )
+
+
+def _in_environment(passports: Sequence[Passport]) -> bool:
+    """Whether they are about a Gymnasium environment."""
+    return any(one.walker.environment is not None for one in passports)
+
+
+def _legend(passports: Sequence[Passport]) -> str:
+    if not _in_environment(passports):
+        return _LEGEND
+    return f"{_ENVIRONMENT_LEGEND} There is {next(one.walker.no_section for one in passports)}."
+
+
 def _many(number: int, one: str, more: str) -> str:
     return f"{number} {one if number == 1 else more}"
 
 
 def _summary(passports: Sequence[Passport]) -> list[list[str]]:
     """The header and a row a setup; who was certified only if that was tried."""
-    tried = any(passport.certificate is not None for passport in passports)
     setups = dict.fromkeys(passport.walker.setup for passport in passports)
+    if _in_environment(passports):
+        rows = [
+            _environment_row(setup, [one for one in passports if one.walker.setup == setup])
+            for setup in setups
+        ]
+        return [[*_ENVIRONMENT_COLUMNS], *rows]
+    tried = any(passport.certificate is not None for passport in passports)
     rows = []
     for setup in setups:
         own = [passport for passport in passports if passport.walker.setup == setup]
@@ -160,7 +206,7 @@ def _summary(passports: Sequence[Passport]) -> list[list[str]]:
 
 def _summary_row(setup: str | None, passports: Sequence[Passport]) -> list[str]:
     up = [one for one in passports if one.walks]
-    orbits = [one.orbits.touchdown for one in passports]
+    orbits = [one.orbits.touchdown for one in passports if one.orbits is not None]
     multipliers = [one.stability.largest for one in passports if one.stability is not None]
     stable = [one for one in passports if one.stability is not None and one.stability.verdict == "stable"]
     return [
@@ -174,6 +220,24 @@ def _summary_row(setup: str | None, passports: Sequence[Passport]) -> list[str]:
         _median(multipliers, ".3f"),
         _median([sum(one.adherence.cycles.values()) for one in up], ".0f"),
         *(_mean_share(passports, name) for name in ("start", "section")),
+    ]
+
+
+def _environment_row(setup: str | None, passports: Sequence[Passport]) -> list[str]:
+    seen = [one.adherence for one in passports]
+    stayed = [one.episodes.share for one in seen if one.episodes is not None]
+    pushed = [one.pushes.tolerances[0].amount for one in passports if one.pushes is not None]
+    searched = [one for one in passports if one.falls]
+    fell = sum(any(search.confirmed for search in one.falls) for one in searched)
+    return [
+        setup or "",
+        str(len(passports)),
+        str(sum(one.up for one in seen)),
+        f"{100 * sum(stayed) / len(stayed):.1f}",
+        f"{100 * sum(one.share_in_phases for one in seen) / len(seen):.1f}",
+        _median([sum(one.cycles.values()) for one in seen], ".0f"),
+        _median(pushed, "g"),
+        f"{fell} of {len(searched)}" if searched else "–",
     ]
 
 
@@ -201,6 +265,8 @@ def _section(title: str, rows: Sequence[tuple[str, str]]) -> list[object]:
 
 def _adherence(seen: Adherence) -> list[tuple[str, str]]:
     up = f"{seen.seconds:.0f} s" if seen.up else f"{seen.seconds:.2f} s, then it fell"
+    if seen.episodes is not None:
+        up = f"at the end of {_share(seen.episodes)} of {seen.episodes.total} episodes, {seen.seconds:.1f} s"
     shares = ", ".join(f"{name} {100 * share:.1f} %" for name, share in seen.phases.items())
     described = [one for one in seen.transitions if one.described]
     others = [one for one in seen.transitions if not one.described]
@@ -302,14 +368,14 @@ def _share(proportion: Proportion) -> str:
     return f"{100 * proportion.share:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
 
 
-def _falls(search: FallSearch) -> list[tuple[str, str]]:
+def _falls(search: FallSearch, again: str) -> list[tuple[str, str]]:
     def first(walk: int | None) -> str:
         return "none" if walk is None else f"first in walk {walk:,}"
 
     tried = f"CMA-ES: {first(search.first_fall)}, at random: {first(search.first_fall_at_random)}"
     kept = _many(search.confirmed, "counterexample", "counterexamples")
-    confirmed = f"{kept}, walked once more by SciPy" if search.confirmed else ""
-    unconfirmed = f"{search.unconfirmed} that SciPy does not confirm" if search.unconfirmed else ""
+    confirmed = f"{kept}, walked once more by {again}" if search.confirmed else ""
+    unconfirmed = f"{search.unconfirmed} that {again} does not confirm" if search.unconfirmed else ""
     margin = f"least margin {search.least_margin:.3f}"
     result = ", ".join(filter(None, (confirmed, unconfirmed))) or f"no counterexample, {margin}"
     return [("within", search.within), (f"{search.walks:,} walks each", tried), ("result", result)]
@@ -344,6 +410,20 @@ def _pushes(passport: Passport) -> Table:
         other = [] if baseline is None else [_amount(baseline.tolerances[index])]
         table.add_row(one.what, _amount(one), *other, one.unit)
     table.add_row("torque one sample late", *(_yes(one) for one in (mine, baseline) if one is not None), "")
+    return table
+
+
+def _survival(pushes: Pushes) -> Table:
+    title = f"pushes: episodes that are up after {PUSH_SECONDS:g} s"
+    table = Table(title=title, title_justify="left", title_style="bold", box=None)
+    table.add_column("at a moment and in a direction drawn anew for each episode")
+    table.add_column("size", justify="right")
+    table.add_column("")
+    table.add_column("up", justify="right")
+    for one in pushes.survival:
+        table.add_row(one.what, f"{one.amount:g}" if one.amount else "", one.unit, _share(one.up))
+    for one in pushes.tolerances:
+        table.add_row(f"{100 * ENOUGH:g} % survive: {one.what}", _amount(one), one.unit, "")
     return table
 
 

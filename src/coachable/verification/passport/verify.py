@@ -6,11 +6,13 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import jax
 import numpy as np
 
+from coachable.behaviours.behaviour import Behaviour
 from coachable.experiments.layout import num_cores
 from coachable.foundation.errors import ParameterError, RunFolderError
 from coachable.foundation.files import write_atomic
@@ -24,7 +26,8 @@ from coachable.verification.gait.orbit import find_orbits
 from coachable.verification.gait.stability import stabilities
 from coachable.verification.gait.walk import SampledWalk, settle
 from coachable.verification.passport.attempts import certificate, falls, no_certificate, require_crival
-from coachable.verification.passport.closed_loop import Subject
+from coachable.verification.passport.closed_loop import EpisodeSubject, Subject
+from coachable.verification.passport.episodes import episode_passport
 from coachable.verification.passport.passport import (
     LEVELS,
     Level,
@@ -57,7 +60,7 @@ ProgressCallback = Callable[[str, float], None]
 
 
 def verify(
-    subjects: Sequence[Subject],
+    subjects: Sequence[Subject | EpisodeSubject],
     level: Level,
     folder: Path | None,
     baseline: Subject | None = None,
@@ -67,7 +70,8 @@ def verify(
 ) -> list[Passport]:
     """The passports of walkers, in their order; written into a folder as soon as each is made.
 
-    Arguments: subjects, of one plant class, whose controllers are of one kind; level, how much is measured;
+    Arguments: subjects, of one plant class, whose controllers are of one kind, or of one run in a Gymnasium
+    environment; level, how much is measured;
     folder, where passports and their pictures go, if anywhere; baseline, what stands beside them in the table
     of pushes; certify, whether to try to prove that a box around the gait returns into itself, for five
     minutes at most.
@@ -77,14 +81,35 @@ def verify(
     """
     if not subjects:
         return []
-    for subject in subjects:
+    plants = [subject for subject in subjects if isinstance(subject, Subject)]
+    for subject in plants:
         _check_section(subject.plant)
     if level == "full":
         require_cma()
-    if certify:
+    if certify and plants:
         require_crival()
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
+    made = _verify_plants(plants, level, folder, baseline, progress, certify=certify)
+    for subject in subjects:
+        if isinstance(subject, EpisodeSubject):
+            tell = partial(progress, subject.walker.name)
+            passport = episode_passport(subject, level, folder, tell, certify=certify)
+            made.append(_written(passport, folder, subject.behaviour))
+    return made
+
+
+def _verify_plants(
+    subjects: Sequence[Subject],
+    level: Level,
+    folder: Path | None,
+    baseline: Subject | None,
+    progress: ProgressCallback,
+    *,
+    certify: bool,
+) -> list[Passport]:
+    if not subjects:
+        return []
     beside = _pushes_of(baseline) if baseline is not None and level == "full" else None
     width = min(GROUP, len(subjects))
     groups = [subjects[first : first + width] for first in range(0, len(subjects), width)]
@@ -176,12 +201,17 @@ def _verify_group(group: Sequence[Subject], job: _Job) -> list[Passport]:
             passport = _with_certificate(passport, subject, job)
         elif job.certify:
             passport = replace(passport, certificate=no_certificate(why_not[lane]))
-        if job.folder is not None:
-            path = write_passport(job.folder, passport)
-            picture = path.with_name(f"{path.stem}-automaton.svg")
-            write_atomic(picture, followed_svg(subject.behaviour, passport.adherence))
-        passports.append(passport)
+        passports.append(_written(passport, job.folder, subject.behaviour))
     return passports
+
+
+def _written(passport: Passport, folder: Path | None, behaviour: Behaviour) -> Passport:
+    """The passport, once it and the picture of its automaton are in the folder."""
+    if folder is not None:
+        path = write_passport(folder, passport)
+        picture = path.with_name(f"{path.stem}-automaton.svg")
+        write_atomic(picture, followed_svg(behaviour, passport.adherence))
+    return passport
 
 
 def _with_certificate(passport: Passport, subject: Subject, job: _Job) -> Passport:
@@ -237,7 +267,9 @@ def _pushes_of(subject: Subject) -> Pushes | None:
     return pushes(subject.loop, clock, walk.section[-1])
 
 
-def kept_passport(folder: Path, subject: Subject, level: Level, certify: bool = False) -> Passport | None:
+def kept_passport(
+    folder: Path, subject: Subject | EpisodeSubject, level: Level, certify: bool = False
+) -> Passport | None:
     """The walker's passport if it is in the folder, readable, of the same policy and as complete."""
     path = passport_path(folder, subject.walker.name)
     if not path.exists():

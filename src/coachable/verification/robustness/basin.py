@@ -11,13 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
-from scipy.stats import binomtest
 
 from coachable.experiments.layout import num_cores
 from coachable.plants.plant import Plant
 from coachable.plants.sampled import Clock, Sampling, sampled_walk, undisturbed
 from coachable.verification.gait.closed_loop import ClosedLoop
 from coachable.verification.gait.section import states_at
+from coachable.verification.proportion import Proportion
 
 SECONDS = 5.0
 """How long a plant has to reach its gait."""
@@ -35,25 +35,6 @@ _SEED = 0
 Label = Literal["reached", "fell", "undecided"]
 LABELS: tuple[Label, ...] = ("reached", "fell", "undecided")
 """What became of a start, by its number."""
-
-
-@dataclass(frozen=True)
-class Proportion:
-    """So many of so many, and the 95 % interval of Clopper and Pearson (1934) for the share."""
-
-    count: int
-    total: int
-
-    @property
-    def share(self) -> float:
-        """count / total."""
-        return self.count / self.total
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """It covers the true share with probability 95 % at least."""
-        interval = binomtest(self.count, self.total).proportion_ci(0.95, method="exact")
-        return float(interval.low), float(interval.high)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from coachable.plants.plant import Plant
 from coachable.plants.sampled import Clock
 from coachable.verification.gait.closed_loop import ClosedLoop
 from coachable.verification.labels import control_unit
+from coachable.verification.proportion import Proportion
 from coachable.verification.robustness.disturbance import Disturbance, seconds_up, undisturbed
 
 SECONDS = 10.0
@@ -44,12 +45,28 @@ class Tolerance:
 
 
 @dataclass(frozen=True)
+class Survival:
+    """How many of a number of episodes, each with another push of one size, were up after `SECONDS`."""
+
+    what: str
+    amount: float
+    unit: str
+    up: Proportion
+
+
+@dataclass(frozen=True)
 class Pushes:
-    """What a gait under its own clock withstands, each disturbance alone, begun right after a touchdown."""
+    """What a gait withstands, each disturbance alone.
+
+    Of a plant under its own clock, begun right after a touchdown; in a Gymnasium environment as in
+    `episode_pushes.py`.
+    """
 
     tolerances: tuple[Tolerance, ...]
     delay_survived: bool
-    """Whether it is up after `SECONDS` with every control one sample late."""
+    """Whether it is up after `SECONDS` with every control one sample late; of episodes, `ENOUGH` of them."""
+    survival: tuple[Survival, ...] = ()
+    """In a Gymnasium environment: of the episodes behind the tolerances, those that were survived."""
 
 
 def pushes(loop: ClosedLoop, clock: Clock, gait_point: Float[np.ndarray, " section"]) -> Pushes:
