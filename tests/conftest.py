@@ -21,9 +21,16 @@ import jax
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
 
-class NamedFunctions(_import_hook.JaxtypingTransformer):
-    """Leaves functions within functions alone: wrapped anew at each call of the outer one, they took most of
-    the time of whatever folds a syntax tree."""
+class ShapesOfNamedFunctions(_import_hook.JaxtypingTransformer):
+    """Checks where there are shapes, in modules that import jaxtyping; the other ones are pyright's.
+
+    Functions within functions are left alone, too: wrapped anew at each call of the outer one, they took most
+    of the time of whatever folds a syntax tree.
+    """
+
+    def visit_Module(self, node):
+        imported = {statement.module for statement in node.body if isinstance(statement, ast.ImportFrom)}
+        return super().visit_Module(node) if "jaxtyping" in imported else node
 
     def visit_FunctionDef(self, node):
         if any(isinstance(parent, ast.FunctionDef) for parent in self._parents):
@@ -31,7 +38,7 @@ class NamedFunctions(_import_hook.JaxtypingTransformer):
         return super().visit_FunctionDef(node)
 
 
-_import_hook.JaxtypingTransformer = NamedFunctions
+_import_hook.JaxtypingTransformer = ShapesOfNamedFunctions
 
 
 def pytest_configure(config):
@@ -50,6 +57,13 @@ def pytest_configure(config):
 
 hypothesis.settings.register_profile("coachable", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("coachable")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forgotten_programs():
+    """What a module compiled leaves the memory with it; thousands of programs would take gigabytes."""
+    yield
+    jax.clear_caches()
 
 
 @pytest.fixture

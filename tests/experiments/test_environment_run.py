@@ -17,8 +17,8 @@ pytest.importorskip("stable_baselines3", reason="needs the [sb3] extra: pip inst
 import torch
 
 from coachable import cli
+from coachable.analysis.gait_table import by_seed
 from coachable.analysis.measurements import measure
-from coachable.analysis.training_table import by_seed
 from coachable.automata.monitor import Monitor
 from coachable.behaviours.text.parser import parse
 from coachable.experiments.assessment import assessment

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
 from coachable.analysis.intervals import Estimate, estimate, mean
 from coachable.analysis.sections import Section
-from coachable.analysis.training_table import by_seed, cell, heading, tell_table
 from coachable.experiments.run_folder.reader import Run
+
+_COLUMNS = 100
 
 MEASURES = {
     "environment": ("environment's return", 1.0),
@@ -27,7 +33,7 @@ MEASURES = {
     "transport": ("cost of transport", 1.0),
     "fell": ("fell [%]", 100.0),
 }
-"""What is told of episodes: a column, its name with the unit, and what it is multiplied with."""
+"""What is measured of episodes: a column, its name with the unit, and what it is multiplied with."""
 
 NOTE = (
     "Deterministic episodes of one policy a seed; means over seeds of means over episodes, with 95 % "
@@ -40,7 +46,7 @@ NOTE = (
 )
 
 
-def tell_gaits(run: Run, speed: float, folder: Path) -> None:
+def print_gaits(run: Run, speed: float, folder: Path) -> None:
     """Print the table of the gaits in `gaits.parquet`, and write it as Markdown.
 
     **Arguments:** `speed`, for how soon it was reached in the evaluations [m/s].
@@ -48,12 +54,12 @@ def tell_gaits(run: Run, speed: float, folder: Path) -> None:
     by_setup, by_lane = gait_sections(run, speed)
     tables = {"gaits": (heading(run), by_setup), "gaits-by-seed": ("Seed by seed", by_lane)}
     for name, (title, section) in tables.items():
-        written = tell_table(title, section.header, section.rows, section.notes[0], folder / f"{name}.md")
+        written = print_table(title, section.header, section.rows, section.notes[0], folder / f"{name}.md")
         print(f"wrote {written}")
 
 
 def gait_sections(run: Run, speed: float = 1.0) -> tuple[Section, Section]:
-    """The table of the gaits in `gaits.parquet` by setup, and that by seed; `speed` as in `tell_gaits`."""
+    """The table of the gaits in `gaits.parquet` by setup, and that by seed; `speed` as in `print_gaits`."""
     gaits = run.columns("gaits")
     names = [setup.name for setup in run.experiment.setups]
     table = [("gaits of the seeds", *(_gaits(run, gaits, name) for name in names))]
@@ -137,5 +143,68 @@ def _reached(run: Run, setup: str, metres_a_step: float) -> str:
     first = [steps for steps in seeds if steps is not None]
     if not first:
         return f"never, {len(seeds)} seed{'s' * (len(seeds) > 1)}"
-    told = cell(estimate(mean, np.array(first, float)), 1e-3) + "k"
-    return told if len(first) == len(seeds) else f"{told}, {len(first)} of {len(seeds)} seeds"
+    shown = cell(estimate(mean, np.array(first, float)), 1e-3) + "k"
+    return shown if len(first) == len(seeds) else f"{shown}, {len(first)} of {len(seeds)} seeds"
+
+
+def print_table(
+    title: str, header: Sequence[str], rows: Sequence[Sequence[str]], note: str, path: Path
+) -> Path:
+    """Print a table, and write it as Markdown; where it is written."""
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=_COLUMNS)
+    grid = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for name in header:
+        grid.add_column(Text(name))
+    for row in rows:
+        grid.add_row(*map(Text, row))
+    console.print(Text(title, style="bold"))
+    console.print(grid)
+    console.print(note, style="dim italic", highlight=False)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lines = ["| " + " | ".join(row) + " |" for row in (header, ["---"] * len(header), *rows)]
+    path.write_text(f"# {title}\n\n" + "\n".join(lines) + f"\n\n{note}\n", encoding="utf-8")
+    return path
+
+
+def heading(run: Run) -> str:
+    """What was trained, in one line."""
+    plan = run.experiment
+    status = "" if run.status == "complete" else f", {run.status}"
+    return (
+        f"{plan.name}: {plan.problem.robot}, {run.behaviour.name}, {plan.trainer.name}, "
+        f"{len(plan.setups)} setup"
+        f"{'s' * (len(plan.setups) != 1)} × {plan.num_seeds} seed{'s' * (plan.num_seeds != 1)} × "
+        f"{plan.steps:,} steps{status}"
+    )
+
+
+def by_seed(run: Run, setup: str, measure: str) -> tuple[np.ndarray, np.ndarray]:
+    """Training steps, and the mean over episodes of a measure at each evaluation, a row a seed.
+
+    Seeds that have not been evaluated as often as others end in NaN.
+    """
+    columns = run.columns("evaluations")
+    values = {}
+    for seed in run.experiment.seeds:
+        mine = columns["lane"] == run.lane(setup, seed).name
+        steps = columns["step"][mine]
+        for step in np.unique(steps):
+            values[seed, int(step)] = float(np.mean(columns[measure][mine][steps == step]))
+    steps = sorted({step for _, step in values})
+    rows = [[values.get((seed, step), np.nan) for step in steps] for seed in run.experiment.seeds]
+    return np.array(steps), np.array(rows).reshape(len(run.experiment.seeds), len(steps))
+
+
+def cell(shown: Estimate, factor: float = 1.0) -> str:
+    """An estimate times a factor, with its interval, as it stands in a table."""
+
+    def text(value: float) -> str:
+        value *= factor
+        return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+    if np.isnan(shown.value):
+        return "–"
+    ends = f" [{text(shown.low)}, {text(shown.high)}]" if shown.has_interval else ""
+    return text(shown.value) + ends

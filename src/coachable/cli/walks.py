@@ -225,7 +225,7 @@ def gait(
         coachable gait runs/walker2d --episodes 20 --speed 1.5 -o results/walker2d
         coachable gait runs/walker2d --json
     """
-    from coachable.analysis.gait_table import tell_gaits
+    from coachable.analysis.gait_table import print_gaits
     from coachable.cli.progress import walkers_progress
     from coachable.experiments.run_folder.reader import Run
     from coachable.foundation.style import save
@@ -247,7 +247,7 @@ def gait(
 
         print_json(gait_numbers(opened, speed) | {"not_measured": surveyed.absent})
         return
-    tell_gaits(opened, speed, out or run)
+    print_gaits(opened, speed, out or run)
     for sentence in surveyed.absent:
         print(f"not measured: {sentence}")
     if not surveyed.footfalls:
