@@ -16,16 +16,30 @@ from coachable.envs.own_reward import OwnReward
 from coachable.experiments.plan import parse_plan
 from coachable.experiments.run_folder.reader import open_run
 from coachable.experiments.run_folder.writer import RunFolder
-from coachable.foundation.errors import RunFolderError
+from coachable.foundation.errors import ParameterError, RunFolderError
 from coachable.learning.policy import Policy
-from coachable.verification.falsification.episode_counterexample import load_fallen_episode
-from coachable.verification.falsification.episode_falls import HeldPushes
+from coachable.verification.falsification.episode_counterexample import (
+    load_fallen_episode,
+    write_episode_counterexamples,
+)
+from coachable.verification.falsification.episode_falls import (
+    EpisodeCounterexample,
+    EpisodeFalsification,
+    HeldPushes,
+    VelocityKick,
+)
+from coachable.verification.falsification.fall_search import Fall, SearchResult
 from coachable.verification.passport import attempts, episodes
 from coachable.verification.passport.closed_loop import lane_subject
 from coachable.verification.passport.passport import passport_data, read_passport
 from coachable.verification.passport.verify import verify
 from coachable.verification.robustness import episode_pushes
-from coachable.verification.robustness.disturbed_episode import DisturbedEnv, EpisodeDisturbance, EpisodeLoop
+from coachable.verification.robustness.disturbed_episode import (
+    DisturbedEnv,
+    EpisodeDisturbance,
+    EpisodeEnd,
+    EpisodeLoop,
+)
 
 WALKER2D = Path(__file__).parents[3] / "docs" / "results" / "walker2d" / "walk"
 
@@ -255,6 +269,25 @@ def test_a_counterexample_of_another_policy_is_refused(run, whole, tmp_path):
     (copy / "policies" / "alone-0-last.safetensors").write_bytes(save(feedback(39.0).tensors()))
     with pytest.raises(RunFolderError, match=r"about another policy .* verify the run again"):
         load_fallen_episode(copy / "counterexamples" / "alone-0-1.json")
+
+
+def test_a_kick_is_read_as_it_was_written_and_refused_by_a_robot_without_velocities(run, tmp_path):
+    copy = open_run(shutil.copytree(run.path, tmp_path / "run"))
+    fall = Fall("random", np.array([0.5, -1.0]), 0.1)
+    search = SearchResult("random", 1, -1.0, 1, (fall,))
+    kick = EpisodeDisturbance(kick=fall.point)
+    seen = EpisodeCounterexample(fall, kick, EpisodeEnd(2, 0.1, True, 0.0))
+    found = EpisodeFalsification(VelocityKick(), 0, 1.0, (search, search), (seen,), ())
+    (path,) = write_episode_counterexamples(copy.path, "kicked", copy, copy.lane("alone", 0), "last", [found])
+    again = load_fallen_episode(path)
+    np.testing.assert_array_equal(again.disturbance.kick, kick.kick)
+    assert len(again.disturbance.push) == 0
+    with pytest.raises(ParameterError, match="the kick has 2 numbers, but the robot takes 0"):
+        again.again()
+    data = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(data | {"push": [[1.0], [1.0, 2.0]]}), encoding="utf-8")
+    with pytest.raises(RunFolderError, match="the rows of push are not of one length"):
+        load_fallen_episode(path)
 
 
 def test_a_robot_that_always_falls_is_not_disturbed(run, tmp_path, capsys):

@@ -94,8 +94,10 @@ def load_fallen_episode(path: Path) -> FallenEpisode:
     **Raises:** `RunFolderError` if the file or its run is missing or damaged, and if the run's policy is not
     the one that fell.
     """
-    data = read_counterexample(path)
-    file = structure(_File, data, f"{path} is damaged, or no counterexample", RunFolderError)
+    data, damaged = read_counterexample(path), f"{path} is damaged, or no counterexample"
+    file = structure(_File, data, damaged, RunFolderError)
+    if len({len(row) for row in file.push}) > 1:
+        raise RunFolderError(f"{damaged}: the rows of push are not of one length")
     run = open_run(path.resolve().parents[1])
     if run.policy_sha256(file.setup, file.seed, file.which) != file.policy_sha256:
         raise RunFolderError(
@@ -111,7 +113,7 @@ def load_fallen_episode(path: Path) -> FallenEpisode:
         seconds=file.seconds,
         disturbance=EpisodeDisturbance(
             begin=file.begin,
-            push=np.array(file.push, float).reshape(len(file.push), -1),
+            push=np.array(file.push, float) if file.push else np.zeros((0, 0)),
             kick=None if file.kick is None else np.array(file.kick, float),
         ),
         falls_after=file.falls_after["anew"],

@@ -16,6 +16,7 @@ from coachable.experiments.assessment import actor
 from coachable.experiments.experiment import EVALUATION_SEED, Which
 from coachable.experiments.recorded_episodes import step_seconds
 from coachable.experiments.run_folder.reader import Run
+from coachable.foundation.errors import ParameterError
 from coachable.learning.policy import Policy
 
 
@@ -37,10 +38,20 @@ class DisturbedEnv(gymnasium.Wrapper):
     """An environment with a disturbance in every episode.
 
     The policy gets the observation from before a kick: it comes between that and the action.
+
+    **Raises:** `ParameterError` for a push or a kick that is not of the robot's size.
     """
 
     def __init__(self, env: gymnasium.Env, disturbance: EpisodeDisturbance):
         super().__init__(env)
+        for what, given, expected in (
+            ("push", disturbance.push.shape[1] if len(disturbance.push) else None, num_actions(env)),
+            ("kick", None if disturbance.kick is None else len(disturbance.kick), num_velocities(env)),
+        ):
+            if given is not None and given != expected:
+                raise ParameterError(
+                    f"the {what} has {given} numbers, but the robot takes {expected}; it is another's"
+                )
         self._disturbance = disturbance
         self._low, self._high, self._half = _action_range(env)
         self._count, self._before = 0, None
@@ -105,14 +116,12 @@ class EpisodeLoop:
     @property
     def num_actions(self) -> int:
         """How many numbers an action has."""
-        return int(np.prod(self.env.action_space.shape or ()))
+        return num_actions(self.env)
 
     @property
     def num_velocities(self) -> int:
         """How many velocities can be kicked; 0 where the robot is not MuJoCo's."""
-        base: Any = self.env.unwrapped
-        known = callable(getattr(base, "set_state", None)) and hasattr(getattr(base, "data", None), "qvel")
-        return len(base.data.qvel) if known else 0
+        return num_velocities(self.env)
 
     def num_steps(self, seconds: float) -> int:
         """Steps that take so long, at least one, and no more than the environment gives an episode."""
@@ -129,6 +138,18 @@ class EpisodeLoop:
             observation, _, fell, truncated, info = env.step(act(observation))
             count, own, over = count + 1, own + info[OWN], fell or truncated
         return EpisodeEnd(count, count * self.dt, bool(fell), own)
+
+
+def num_actions(env: gymnasium.Env) -> int:
+    """How many numbers an action has."""
+    return int(np.prod(env.action_space.shape or ()))
+
+
+def num_velocities(env: gymnasium.Env) -> int:
+    """How many velocities can be kicked; 0 where the robot is not MuJoCo's."""
+    base: Any = env.unwrapped
+    known = callable(getattr(base, "set_state", None)) and hasattr(getattr(base, "data", None), "qvel")
+    return len(base.data.qvel) if known else 0
 
 
 def _action_range(env: gymnasium.Env) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
