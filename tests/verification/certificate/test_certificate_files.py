@@ -1,5 +1,6 @@
 """A certificate's file says what was written, or is refused; the ones that ship are about what they say."""
 
+import dataclasses
 import json
 from itertools import pairwise
 from pathlib import Path
@@ -21,6 +22,7 @@ from coachable.verification.certificate.file import (
     plant_data,
     read_certificate,
     recheck,
+    walker_data,
     write_certificate,
 )
 from coachable.verification.certificate.proposal import Attempt, Proposal, eigenbasis, propose, rounded
@@ -32,6 +34,7 @@ from tests.verification.certificate.claims import certificate
 
 SHIPPED = sorted((Path(__file__).parents[3] / "docs" / "results" / "certificates").glob("*.json"))
 RNG = np.random.default_rng(3)
+NO_ORBIT = Orbit("touchdown", "none", 0, (), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture
@@ -132,6 +135,27 @@ def test_a_certificate_of_another_walker_is_refused(written):
             recheck(written, other)
 
 
+def test_virtual_gravity_for_other_masses_than_it_drives_is_refused(written):
+    plant = CompassWalker()
+    for parameters in (CompassParameters(hip_mass=1.1), CompassParameters(gravity=9.81)):
+        loop = ClosedLoop(plant, VirtualGravity(CompassWalker(parameters)), control_dt=0.02)
+        with pytest.raises(ParameterError, match="virtual gravity for the walker that it drives"):
+            recheck(written, loop)
+
+
+@pytest.mark.parametrize(
+    ("part", "key", "value"),
+    [("plant", "hip_mass", "-1.0"), ("plant", "spring", "3.0"), ("controller", "shift", [0.0, 0.0])],
+)
+def test_a_claim_with_unknown_or_impossible_values_is_refused_whatever_its_hash(written, part, key, value):
+    data = json.loads(written.read_text())
+    data[part][key] = value
+    data["sha256"][part] = part_hash(data[part])
+    written.write_text(json.dumps(data))
+    with pytest.raises(RunFolderError, match="damaged"):
+        recheck(written)
+
+
 def test_the_plants_constants_are_the_shortest_decimal_numbers():
     assert plant_data(CompassParameters(gravity=9.807, a=1e-5))["gravity"] == "9.807"
     assert plant_data(CompassParameters(gravity=9.807, a=1e-5))["a"] == "0.00001"
@@ -158,6 +182,46 @@ def test_a_policys_single_precision_weights_are_kept_exactly(policy):
     with jax.enable_x64(True):
         u = np.asarray(jax.vmap(policy)(jnp.asarray(x.T)))
     assert simulator.network(data)(x) == pytest.approx(np.stack([u[:, 0] + u[:, 1], -u[:, 1]]), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"shift": jnp.zeros(4), "scale": jnp.ones(4)}, "shift, scale"),
+        ({"shift": jnp.zeros(4), "scale": 2 * jnp.ones(4), "bound": 0.5}, "shift, scale"),
+        ({"shift": jnp.ones(4)}, "shift"),
+        ({"activation": "relu"}, "activation"),
+        ({"observation_names": STATE_NAMES[::-1]}, "observation_names"),
+        ({"observation_names": (*STATE_NAMES, "phase")}, "observation_names"),
+    ],
+)
+def test_a_policy_that_is_more_than_its_numbers_has_no_certificate(policy, tmp_path, changes, named):
+    plant = CompassWalker()
+    path = tmp_path / "certificate.json"
+    plain = ClosedLoop(plant, policy)
+    box = {"centre": [0.3, -1.1, -0.2], "basis": np.eye(3).tolist(), "radii": [1e-4] * 3}
+    method = {"order": 1, "step": "0.01", "subdivisions": [1] * 3}
+    parts = {"about": {}, **walker_data(plain), "box": box, "strides": 1, "method": method}
+    write_certificate(path, parts)
+    assert not recheck(path, plain).proven
+    other = ClosedLoop(plant, dataclasses.replace(policy, **changes))
+    with pytest.raises(ParameterError, match=f"without this policy's {named};"):
+        recheck(path, other)
+    with pytest.raises(ParameterError, match=f"without this policy's {named};"):
+        propose(other, NO_ORBIT, {})
+
+
+def test_subclasses_move_otherwise_and_are_refused(policy):
+    class Louder(Policy):
+        pass
+
+    class Bent(CompassWalker):
+        pass
+
+    louder = Louder(policy.weights, policy.biases, policy.low, policy.high)
+    for loop in (ClosedLoop(CompassWalker(), louder), ClosedLoop(Bent(), policy)):
+        with pytest.raises(ParameterError, match="certificate"):
+            controller_data(loop)
 
 
 def test_walkers_without_certificates_are_refused(policy):

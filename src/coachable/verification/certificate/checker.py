@@ -53,10 +53,10 @@ class Verdict(NamedTuple):
     seconds: float
 
 
-def require(holds: Any, otherwise: str) -> None:
-    """Raise `NotProven` unless it holds for a whole batch."""
+def require(holds: Any, otherwise: str, error: type[Exception] = NotProven) -> None:
+    """Raise an error unless it holds for a whole batch."""
     if not np.all(holds):
-        raise NotProven(otherwise)
+        raise error(otherwise)
 
 
 def pair(lo: np.ndarray, hi: np.ndarray) -> Interval:
@@ -144,10 +144,17 @@ def speed(series: Interval, t: Interval) -> Interval:
     return at(series[1:] * point(np.arange(1.0, len(series)).reshape(-1, *[1] * (series.lo.ndim - 1))), t)
 
 
-def decimal(text: Any) -> Interval:
-    """The tightest interval around a decimal number; 9.807 is not a float."""
-    if not (isinstance(text, str) and re.fullmatch(r"-?\d{1,30}(\.\d{1,30})?", text)):
-        raise CertificateError(f"{text!r} should be a decimal number in quotation marks")
+def values(part: Mapping[str, Any], *names: str) -> list:
+    """What a part says under these names; what is under any other would be claimed, and not proven."""
+    require(set(part) == set(names), f"expected {', '.join(names)}; got {', '.join(part)}", CertificateError)
+    return [part[name] for name in names]
+
+
+def decimal(text: Any, above: float = -math.inf) -> Interval:
+    """The tightest interval around a decimal number above a bound; 9.807 is not a float."""
+    fits = isinstance(text, str) and re.fullmatch(r"-?[0-9]{1,30}(\.[0-9]{1,30})?", text)
+    require(fits, f"{text!r} should be a decimal number in quotation marks", CertificateError)
+    require(Fraction(text) > above, f"{text!r} should be above {above}", CertificateError)
     return Interval(Fraction(text))
 
 
@@ -155,7 +162,8 @@ class Plant:
     """The walker's constants, as intervals around what the decimal numbers say."""
 
     def __init__(self, data: Mapping[str, str]):
-        hip, m, a, b, g = (decimal(data[name]) for name in ("hip_mass", "leg_mass", "a", "b", "gravity"))
+        constants = values(data, "hip_mass", "leg_mass", "a", "b", "gravity")
+        hip, m, a, b, g = (decimal(text, above=0.0) for text in constants)
         self.a, self.b, self.leg, self.lever = a, b, a + b, (a + b) / b
         self.stance_inertia = (hip + m) * self.leg * self.leg + m * a * a
         self.free_inertia, self.swing_inertia = m * self.leg * self.leg, m * b * b
@@ -461,40 +469,46 @@ def check(certificate: Mapping[str, Any], progress: Callable[[float], None] = la
 def read(data: Mapping[str, Any]) -> tuple[Loop, Box, int, tuple[int, ...], str]:
     """What a certificate says: loop, box, strides, how often the box is cut along each axis; the claim."""
     try:
-        plant, given, box, method = Plant(data["plant"]), data["controller"], data["box"], data["method"]
-        strides, order, numbers = data["strides"], method["order"], tuple(method["subdivisions"])
-        step, hold, pull = decimal(method["step"]), given["hold"], Interval(0.0)
-        if len(numbers) != 3 or not all(type(n) is int and 0 < n <= 1000 for n in (order, strides, *numbers)):
-            raise ValueError("order, strides and three subdivisions should be whole numbers from 1 to 1000")
-        if not step.lo > 0 or hold not in (None, method["step"]):
-            raise ValueError("a time step should be positive, and as long as a torque is held")
-        if given["kind"] == "virtual-gravity":
-            pull, told = ival.tan(decimal(given["slope"])), f"virtual gravity of slope {given['slope']} rad"
+        plant, given, strides = Plant(data["plant"]), dict(data["controller"]), data["strides"]
+        centre, basis, radii = values(data["box"], "centre", "basis", "radii")
+        length, order, numbers = values(data["method"], "step", "order", "subdivisions")
+        step, numbers, pull = decimal(length, above=0.0), tuple(numbers), Interval(0.0)
+        whole = [type(n) is int and 0 < n <= 1000 for n in (order, strides, *numbers)] + [len(numbers) == 3]
+        require(whole, "order, strides, 3 subdivisions should be whole numbers from 1 to 1000", ValueError)
+        if (kind := given.pop("kind")) == "virtual-gravity":
+            hold, slope = values(given, "hold", "slope")
+            require(decimal(slope, -1.57).hi < 1.57, "a slope should be below 1.57 rad", ValueError)
+            pull, told = ival.tan(decimal(slope, -1.57)), f"virtual gravity of slope {slope} rad"
             controller = partial(plant.virtual_gravity, pull) if hold else lambda x, centre: (None, None)
-        elif given["kind"] == "network" and given["squashing"] in ("clip", "tanh") and hold:
-            sizes = [4, *(len(bias) for bias in given["biases"][:-1]), 2]
-            layers = zip(given["weights"], given["biases"], itertools.pairwise(sizes), strict=True)
+        elif kind == "network" and given.get("squashing") in ("clip", "tanh") and given.get("hold"):
+            names = ("hold", "squashing", "low", "high", "weights", "biases")
+            hold, squashing, *bounds, weights, biases = values(given, *names)
+            sizes = itertools.pairwise([4, *(len(bias) for bias in biases[:-1]), 2])
+            layers = zip(weights, biases, sizes, strict=True)
             layers = tuple((floats(W, n, k), floats(bias, n, 1)) for W, bias, (k, n) in layers)
-            low, high, squashing = floats(given["low"], 2, 1), floats(given["high"], 2, 1), given["squashing"]
+            low, high = (floats(bound, 2, 1) for bound in bounds)
+            require(low <= high, "a torque's low should not be above its high", ValueError)
             controller = partial(network, layers, low, high, squashing)
-            told = f"this tanh network, its output in {given['low']} to {given['high']} ({squashing})"
+            told = f"this tanh network, its output in {bounds[0]} to {bounds[1]} ({squashing})"
         else:
             raise ValueError("the controller should be virtual gravity, or a network that is held")
-        where = Box(floats(box["centre"], 3, 1), floats(box["basis"], 3, 3), floats(box["radii"], 3, 1))
-    except (KeyError, TypeError, ValueError, np.linalg.LinAlgError) as error:
+        require(hold in (None, length), "a time step should be as long as a torque is held", ValueError)
+        where = Box(floats(centre, 3, 1), floats(basis, 3, 3), floats(radii, 3, 1))
+    except (KeyError, TypeError, ValueError, ArithmeticError) as error:
         raise CertificateError(f"this is no certificate: {type(error).__name__}: {error}") from None
     told += f", set at touchdown and every {hold} s after it" if hold else ", continuous"
     claim = (
-        f"Right after an impact anywhere in the box around (β, θ̇1, θ̇2) = {box['centre']} with radii "
-        f"{box['radii']} along the columns of {box['basis']}, the compass walker (SI units: {data['plant']}) "
+        f"Right after an impact anywhere in the box around (β, θ̇1, θ̇2) = {centre} with radii "
+        f"{radii} along the columns of {basis}, the compass walker (SI units: {data['plant']}) "
         f"under {told}, touches down {strides} time(s) upright and is in the box again: it never falls."
     )
     return Loop(plant, controller, pull, step, order), where, strides, numbers, claim
 
 
 def floats(numbers: Any, *shape: int) -> np.ndarray:
-    """Numbers, exactly, as an array of this shape."""
-    array = np.array(numbers, dtype=np.float64)
-    if array.shape not in (shape, shape[:1]) or not np.all(np.isfinite(array)):
-        raise ValueError(f"expected finite numbers of shape {shape}")
-    return array.reshape(shape)
+    """Numbers as an array of this shape, exactly; no text, no truth values, no integers between floats."""
+    array = np.array(numbers, dtype=object)
+    plain = all(isinstance(x, int | float) and type(x) is not bool for x in array.flat)
+    exact = [plain and abs(x) < 2**1024 and float(x) == x for x in array.flat]
+    require(all(exact) and array.shape in (shape, shape[:1]), f"expected floats of shape {shape}", ValueError)
+    return array.astype(np.float64).reshape(shape)

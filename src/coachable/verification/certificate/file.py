@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 
 from coachable.foundation.data import parse_json, structure
 from coachable.foundation.errors import ParameterError, RunFolderError
 from coachable.foundation.files import hash_of, read_bytes, write_atomic
 from coachable.learning.policy import Policy
-from coachable.plants.compass import CompassParameters, CompassWalker, VirtualGravity
+from coachable.plants.compass import STATE_NAMES, CompassParameters, CompassWalker, VirtualGravity
 from coachable.verification.certificate.checker import CertificateError, Verdict, check
 from coachable.verification.gait.closed_loop import ClosedLoop
 
@@ -51,16 +52,23 @@ def controller_data(loop: ClosedLoop) -> dict[str, Any]:
 
     Weights in float32 become the same numbers in float64.
 
-    **Raises:** `ParameterError` for a controller or a plant that certificates are not made for.
+    **Raises:** `ParameterError` for a controller or a plant that certificates are not made for: whatever
+    moves the walker is in the numbers, or there are none.
     """
     controller, hold = loop.controller, None if loop.hold == "continuous" else _decimal(loop.control_dt)
-    if not isinstance(loop.plant, CompassWalker):
+    if type(loop.plant) is not CompassWalker:
         raise ParameterError(f"a certificate is about the compass walker, not about {loop.plant.name}")
     if loop.plant.backward_passing_counts:
         raise ParameterError("a certificate is about the semantics `paper`; this walker has `released-code`")
-    if isinstance(controller, VirtualGravity) and not controller.released:
+    if type(controller) is VirtualGravity and not controller.released:
+        if controller.plant.parameters != loop.plant.parameters:
+            raise ParameterError(
+                "a certificate is about virtual gravity for the walker that it drives, but this one is for "
+                f"{controller.plant.parameters}, and drives {loop.plant.parameters}"
+            )
         return {"kind": "virtual-gravity", "slope": _decimal(controller.slope), "hold": hold}
-    if isinstance(controller, Policy) and controller.activation == "tanh" and hold is not None:
+    if type(controller) is Policy and hold is not None:
+        _require_plain(controller)
         return {
             "kind": "network",
             "hold": hold,
@@ -74,6 +82,36 @@ def controller_data(loop: ClosedLoop) -> dict[str, Any]:
         "a certificate can be made for virtual gravity and for tanh policies, not for "
         f"{type(controller).__name__} here"
     )
+
+
+def walker_data(loop: ClosedLoop) -> dict[str, Any]:
+    """The parts of a certificate that say which walker it is about: the plant, and the whole controller.
+
+    **Raises:** `ParameterError` as `controller_data` does.
+    """
+    controller = controller_data(loop)
+    return {"plant": plant_data(loop.plant.parameters), "controller": controller}
+
+
+def _require_plain(policy: Policy) -> None:
+    """Refuse a policy that is more than its weights, biases, bounds and squashing say."""
+    plain = Policy(
+        policy.weights,
+        policy.biases,
+        policy.low,
+        policy.high,
+        squashing=policy.squashing,
+        observation_names=STATE_NAMES if policy.observation_names else (),
+        clock=policy.clock,
+        bound=policy.bound,
+    )
+    names = [field.name for field in fields(policy)]
+    others = [n for n in names if not eqx.tree_equal(getattr(policy, n), getattr(plain, n))]
+    if others:
+        raise ParameterError(
+            f"a certificate is about a tanh network of the state {', '.join(STATE_NAMES)} as it is, "
+            f"without this policy's {', '.join(others)}; train without, or verify without a certificate"
+        )
 
 
 def write_certificate(path: Path, parts: Mapping[str, Any]) -> None:
@@ -118,15 +156,14 @@ def recheck(
     **Arguments:** `loop`, the walker that it is said to be about: its constants and its controller's numbers
     must be those in the file; `progress`, called with the fraction done.
 
-    **Raises:** `RunFolderError` for a file that is damaged, was changed, or is about another walker.
+    **Raises:** `RunFolderError` for a file that is damaged, was changed, or is about another walker;
+    `ParameterError` for a walker that no certificate can be about, such as a policy that normalises what it
+    observes.
     """
     path = Path(path)
     data = read_certificate(path)
     if loop is not None:
-        for name, own in (
-            ("plant", plant_data(loop.plant.parameters)),
-            ("controller", controller_data(loop)),
-        ):
+        for name, own in walker_data(loop).items():
             if data[name] != own:
                 raise RunFolderError(f"{path} is about another walker: its {name} is not this one's")
     try:

@@ -12,8 +12,9 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from coachable.verification.certificate.checker import Verdict, check
-from coachable.verification.certificate.file import controller_data, plant_data
+from coachable.foundation.errors import ParameterError
+from coachable.verification.certificate.checker import CertificateError, Verdict, check
+from coachable.verification.certificate.file import walker_data
 from coachable.verification.gait.closed_loop import ClosedLoop, in_double
 from coachable.verification.gait.orbit import Orbit, fixed_point
 
@@ -90,7 +91,7 @@ def propose(
 
     **Raises:** `ParameterError` for a walker that certificates are not made for.
     """
-    began = time.monotonic()
+    began, walker = time.monotonic(), walker_data(loop)
     with jax.enable_x64(True):
         found = fixed_point(in_double(replace(loop, num_substeps=SUBSTEPS)), orbit.points[0], orbit.num_steps)
     values, basis = eigenbasis(found.jacobian)
@@ -104,8 +105,7 @@ def propose(
 
     parts = {
         "about": dict(about),
-        "plant": plant_data(loop.plant.parameters),
-        "controller": controller_data(loop),
+        **walker,
         "strides": strides,
     }
     step = parts["controller"]["hold"] or "0.01"
@@ -124,7 +124,10 @@ def propose(
         }
 
     def attempt(radius: float, number: int) -> Verdict:
-        verdict = check(boxed(radius, number), tell)
+        try:
+            verdict = check(boxed(radius, number), tell)
+        except CertificateError as error:
+            raise ParameterError(f"no certificate can say this walker's numbers: {error}") from None
         attempts.append(Attempt(radius, number, verdict))
         return verdict
 
