@@ -27,6 +27,7 @@ from coachable.behaviours import (
 from coachable.behaviours.checking.checker import check
 from coachable.behaviours.expressions import Arithmetic, Call
 from coachable.behaviours.rewriting import widened
+from coachable.behaviours.text.parser import parse
 
 X, V = Signal("x", "m"), Signal("v", "m/s", derivative_of="x")
 LOW, HIGH = Comparison("x", "<", 0), Comparison("x", ">=", 0)
@@ -399,3 +400,31 @@ def test_phases_outside_the_order():
 
 def test_the_same_behaviour_gives_the_same_report():
     assert check(paper()) == check(paper())
+
+
+SIDES = """behaviour "sides"
+signals
+  sway [m]
+  speed [m/s]
+  left_load [N]
+  right_load [N]
+{}
+phases
+  left_stands: left_load > right_load, {}
+cycle
+  left_stands -> right_stands
+"""
+
+
+@pytest.mark.parametrize(
+    ("mirror", "condition", "found"),
+    [
+        ("mirror left <-> right", "sway > 0 [m]", True),
+        ("mirror left <-> right, sway -> -sway", "sway > 0 [m]", False),
+        ("mirror left <-> right", "abs(sway) < 1 [m], speed > 0", False),
+        ("mirror left <-> right", "0.1 [m] < sway < 0.2 [m]", True),
+    ],
+)
+def test_a_lateral_signal_that_keeps_its_sign_in_the_mirror_is_found(mirror, condition, found):
+    report = check(parse(SIDES.format(mirror, condition)))
+    assert ("lateral-signal" in {finding.kind for finding in report.findings}) == found

@@ -17,6 +17,7 @@ from coachable.behaviours import (
 )
 from coachable.behaviours.expressions import Arithmetic, Call, Negative
 from coachable.behaviours.text.parser import parse
+from coachable.behaviours.text.printer import to_text
 from coachable.foundation.errors import BehaviourTextError
 
 HOP = """\
@@ -469,3 +470,93 @@ def test_edges_with_other_labels_are_other_edges():
     text = BEGIN + "  B: x > 2\ncycle\n  A -> B -> A\n  A -> B on jump -> A\n"
     assert len(parse(text).edges) == 3
     assert dataclasses.replace(parse(text), cycles=()).edges == parse(text).edges
+
+
+LOADS = """behaviour "loads"
+signals
+  sway [m]
+  dsway = d/dt sway [m/s]
+  left_load [N]
+  right_load [N]
+  left_y [m]
+  right_y [m]
+mirror left <-> right, sway -> -sway, left_y -> -right_y
+phases
+  left_stands: left_load > 20 [N], right_load <= 20 [N], {}
+  both: left_load > 20 [N], right_load > 20 [N], {}
+cycle
+  left_stands -> both -> right_stands
+"""
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "left_load + right_load > 700 [N]",
+        "left_load > 700 [N] - right_load",
+        "abs(left_load - right_load) <= 900 [N]",
+        "max(left_load, right_load) > 30 [N]",
+        "left_load * right_load > 10",
+        "cos(left_load - right_load) > 0",
+        "left_load - right_load < 3 [N], right_load - left_load < 3 [N]",
+        "left_load + right_load > 700 [N] deadband 3 [N]",
+        "not (left_load <= 5 [N] and right_load <= 5 [N])",
+        "abs(sway) < 0.1 [m]",
+        "-0.1 [m] < sway < 0.1 [m]",
+        "sway = 0 within 0.1",
+        "sway * dsway > 0",
+        "left_y > right_y",
+        "left_y - right_y > 0.1 [m]",
+    ],
+)
+def test_what_means_the_same_in_the_mirror_is_its_own_image(condition):
+    behaviour = parse(LOADS.format("sway > 0 [m]", condition))
+    assert behaviour.phase_names == ("left_stands", "both", "right_stands")
+    assert parse(to_text(behaviour)) == behaviour
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "2 * left_load + right_load > 700 [N]",
+        "sin(left_load - right_load) > 0",
+        "sway > 0 [m]",
+        "dsway > 0 [m/s]",
+        "left_y + right_y > 0.1 [m]",
+        "left_load - right_load < 3 [N]",
+    ],
+)
+def test_what_means_another_thing_in_the_mirror_is_refused(condition):
+    with pytest.raises(BehaviourTextError, match="phase both differs from its mirror image"):
+        parse(LOADS.format("sway > 0 [m]", condition))
+
+
+@pytest.mark.parametrize(
+    ("said", "image"),
+    [
+        ("sway > 0 [m]", "sway < 0 [m]"),
+        ("sway <= 0.1 [m] deadband 0.02 [m]", "sway >= -0.1 [m] deadband 0.02 [m]"),
+        ("dsway < 2 [m/s]", "dsway > -2 [m/s]"),
+        ("sway * 2 + dsway > 1", "-sway * 2 + -dsway > 1"),
+        ("left_y > 0.1 [m]", "right_y < -0.1 [m]"),
+        ("left_load > 5 [N]", "right_load > 5 [N]"),
+    ],
+)
+def test_lateral_signals_have_the_other_sign_in_the_mirror(said, image):
+    left, _, right = parse(LOADS.format(said, "true")).phases
+    assert str(left.predicate).endswith(f" and {said}")
+    assert str(right.predicate).endswith(f" and {image}")
+
+
+@pytest.mark.parametrize(
+    ("mirror", "told"),
+    [
+        ("swag -> -swag", "swag is not a signal"),
+        ("sway -> -left_y", "the mirror image of sway is sway"),
+        ("left_y -> -left_y", "the mirror image of left_y is right_y"),
+        ("sway -> sway", "not expected here"),
+    ],
+)
+def test_a_sign_that_cannot_change_so_is_refused(mirror, told):
+    with pytest.raises(BehaviourTextError, match=told):
+        parse(LOADS.format("true", "true").replace("sway -> -sway, left_y -> -right_y", mirror))

@@ -10,6 +10,7 @@ from coachable.behaviours.checking.cycles import cycles, dwell_times
 from coachable.behaviours.checking.findings import CheckReport, Finding, Result
 from coachable.behaviours.checking.partition import empty_phases, gaps, overlaps
 from coachable.behaviours.checking.regions import Regions
+from coachable.behaviours.checking.sides import lateral_signals
 from coachable.behaviours.checking.transitions import edges, nondeterminism
 from coachable.behaviours.checking.unit_findings import unit_mismatches
 from coachable.behaviours.checking.usage import size, unconnected, unused
@@ -45,5 +46,6 @@ def _results(behaviour: Behaviour) -> Iterator[Result]:
     yield from dwell_times(behaviour, regions)
     yield from camping(behaviour)
     yield from unit_mismatches(behaviour)
+    yield from lateral_signals(behaviour)
     yield from unconnected(behaviour)
     yield from unused(behaviour)

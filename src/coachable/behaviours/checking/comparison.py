@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.checking.solver import Question, refuted
 from coachable.behaviours.expressions import Expression
 from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, signals_of
-from coachable.behaviours.rewriting import widened
+from coachable.behaviours.rewriting import expanded, normal_form, widened
 
 State = Mapping[str, float]
 
@@ -69,6 +70,18 @@ def staying_differs(one: Predicate, other: Predicate) -> Answer:
             return answer
         decided &= answer.decided
     return Answer(None, decided)
+
+
+def same_meaning(one: Predicate, other: Predicate) -> bool:
+    """Whether two predicates are known to hold in the same states, deadbands included."""
+    if normal_form(one) == normal_form(other):
+        return True
+    names = tuple(dict.fromkeys((*signals_of(one), *signals_of(other))))
+    return all(
+        refuted(names, inside, Not(outside)) is True
+        for meaning in (expanded, widened)
+        for inside, outside in itertools.permutations((meaning(one), meaning(other)))
+    )
 
 
 def always_equal(one: Expression, other: Expression) -> bool:

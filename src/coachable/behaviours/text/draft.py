@@ -9,7 +9,6 @@ from typing import Any
 from coachable.behaviours.behaviour import Edge, Phase
 from coachable.behaviours.expressions import Constant
 from coachable.behaviours.predicates import Phrase, Signal, constants_of, phrases_of, signals_of
-from coachable.behaviours.rewriting import normal_form
 from coachable.behaviours.text.diagnostics import Diagnostics
 from coachable.behaviours.text.mirror import Mirror
 from coachable.behaviours.text.semantics import Scope
@@ -68,8 +67,11 @@ def _keep(declared: dict[str, tuple[Any, Statement]], used: set[str], stays: set
 def add_images(draft: Draft, mirror: Mirror, scope: Scope, diagnostics: Diagnostics) -> None:
     """Add the mirror images of constants, phrases and phases, except where the text has its own.
 
-    What keeps its name in the mirror must be its own image.
+    What keeps its name in the mirror must be its own image, in meaning and not in form.
     """
+    # The solver is imported where there is a mirror, and asked where forms differ.
+    from coachable.behaviours.checking.comparison import same_meaning
+
     for name, (constant, statement) in list(draft.constants.items()):
         draft.constants.setdefault(mirror.text(name), (mirror.constant(constant), statement))
     for words, (phrase, statement) in list(draft.phrases.items()):
@@ -77,14 +79,14 @@ def add_images(draft: Draft, mirror: Mirror, scope: Scope, diagnostics: Diagnost
         if image != words:
             if (mirrored := scope.phrase(image)) is not None:
                 draft.phrases.setdefault(image, (mirrored, statement))
-        elif normal_form(scope.mirrored(phrase.predicate)) != normal_form(phrase.predicate):
+        elif not same_meaning(scope.mirrored(phrase.predicate), phrase.predicate):
             _refuse_lopsided(f"phrase {words!r}", mirror, statement, diagnostics)
     for name, (phase, statement) in list(draft.phases.items()):
         image, predicate = mirror.text(name), scope.mirrored(phase.predicate)
         if image != name:
             mirrored = Phase(image, mirror.text(phase.title), predicate, phase.dwell)
             draft.phases.setdefault(image, (mirrored, statement))
-        elif normal_form(predicate) != normal_form(phase.predicate):
+        elif not same_meaning(predicate, phase.predicate):
             _refuse_lopsided(f"phase {name}", mirror, statement, diagnostics)
 
 

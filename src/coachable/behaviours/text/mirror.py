@@ -1,35 +1,49 @@
-"""Mirror images: the words of a mirror swapped in the names of a text."""
+"""Mirror images: the words of a mirror swapped in the names of a text, and lateral signals' signs changed."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from coachable.behaviours.behaviour import Assignment, Edge
-from coachable.behaviours.expressions import Constant, Expression, Variable
-from coachable.behaviours.predicates import Phrase, Predicate
+from coachable.behaviours.expressions import Constant, Expression, Negative, Number, Variable
+from coachable.behaviours.predicates import MIRRORED, Comparison, Phrase, Predicate
 from coachable.behaviours.tree import Node, rewritten
 
 
 @dataclass(frozen=True)
 class Mirror:
-    """An involution on words: `{"left": "right", "right": "left"}`, and the same with capitals."""
+    """An involution on words: `{"left": "right", "right": "left"}`, and the same with capitals.
+
+    `flips` are the signals whose image has the other sign, as a sway to the left has.
+    """
 
     words: Mapping[str, str]
+    flips: frozenset[str] = frozenset()
 
     @staticmethod
-    def of(pairs: Iterable[tuple[str, str]]) -> Mirror:
-        """The mirror that swaps the words of each pair."""
+    def of(pairs: Iterable[tuple[str, str]], flips: Iterable[str] = ()) -> Mirror:
+        """The mirror that swaps the words of each pair, and changes the sign of some signals."""
         words: dict[str, str] = {}
         for left, right in pairs:
             for change in (str, str.capitalize, str.upper):
                 words |= {change(left): change(right), change(right): change(left)}
-        return Mirror(MappingProxyType(words))
+        mirror = Mirror(MappingProxyType(words))
+        return replace(mirror, flips=frozenset(name for one in flips for name in (one, mirror.text(one))))
+
+    def with_derivatives(self, derivatives: Mapping[str, str]) -> Mirror:
+        """The same, in which signals change their sign whose primitive does: signal → what it derives."""
+        flips = set(self.flips)
+        for _ in derivatives:
+            flips |= {name for name, primitive in derivatives.items() if primitive in flips}
+        return replace(self, flips=frozenset(flips))
 
     def text(self, text: str) -> str:
         """The text with whole words swapped; an underscore or a hyphen ends a word, as in `left_knee`."""
+        if not self.words:
+            return text
         either = "|".join(map(re.escape, self.words))
         return re.sub(rf"(?<![^\W_])(?:{either})(?![^\W_])", lambda match: self.words[match.group()], text)
 
@@ -57,9 +71,19 @@ class Mirror:
         image_of = self._image_of(constants)
         return rewritten(predicate, lambda node: phrase(node) if isinstance(node, Phrase) else image_of(node))
 
-    def _image_of(self, constants: Mapping[str, Constant]) -> Callable[[Node], Expression | None]:
-        def image(node: Node) -> Expression | None:
+    def _image_of(self, constants: Mapping[str, Constant]) -> Callable[[Node], Node | None]:
+        def image(node: Node) -> Node | None:
             match node:
+                # −x > 0.1 is written x < −0.1.
+                case Comparison(Variable(name), relation, Number(value, unit), deadband) if (
+                    name in self.flips
+                ):
+                    bound = Number(-value if value else value, unit)
+                    return Comparison(Variable(self.text(name)), MIRRORED[relation], bound, deadband)
+                case Negative(Variable(name)) if name in self.flips:
+                    return Variable(self.text(name))
+                case Variable(name) if name in self.flips:
+                    return Negative(Variable(self.text(name)))
                 case Variable(name):
                     return Variable(self.text(name))
                 case Constant(name):
@@ -73,7 +97,11 @@ class Mirror:
             self.text(edge.source),
             self.text(edge.target),
             None if edge.event is None else self.text(edge.event),
-            tuple(
-                Assignment(self.text(a.signal), self.expression(a.expression, constants)) for a in edge.reset
-            ),
+            tuple(self._assignment(assignment, constants) for assignment in edge.reset),
         )
+
+    def _assignment(self, assignment: Assignment, constants: Mapping[str, Constant]) -> Assignment:
+        image, signal = self.expression(assignment.expression, constants), self.text(assignment.signal)
+        if assignment.signal not in self.flips:
+            return Assignment(signal, image)
+        return Assignment(signal, image.operand if isinstance(image, Negative) else Negative(image))

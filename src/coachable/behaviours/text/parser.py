@@ -166,20 +166,33 @@ def _refuse_more_than_a_fragment(statements: Sequence[Statement], diagnostics: D
 
 def _mirror(statements: Sequence[Statement], diagnostics: Diagnostics) -> Mirror | None:
     pairs: dict[str, str] = {}
+    flips: dict[str, tuple[str, Statement, Token]] = {}
     for statement in statements:
-        if statement.section == "mirror" and statement.tree is not None:
-            for pair in parts_of(statement.tree):
-                left, right = parts_of(pair)
-                for word in (left, right):
-                    if "_" in word or flaw_of_word(str(word)):
-                        message = (
-                            flaw_of_word(str(word)) or f"{word}: a mirror swaps words without an underscore"
-                        )
-                        diagnostics.add(statement.place(word), message)
-                    if word in (*pairs, *pairs.values()) or left == right:
-                        diagnostics.add(statement.place(word), f"{word} is swapped twice")
-                pairs[str(left)] = str(right)
-    return Mirror.of(pairs.items()) if pairs else None
+        if statement.section != "mirror" or statement.tree is None:
+            continue
+        for part in parts_of(statement.tree):
+            left, right = (word for word in parts_of(part) if word.type == "WORD")
+            if part.data == "flip":
+                if left in flips:
+                    diagnostics.add(statement.place(left), f"{left} is given twice")
+                flips[str(left)] = str(right), statement, left
+                continue
+            for word in (left, right):
+                if "_" in word or flaw_of_word(str(word)):
+                    message = flaw_of_word(str(word)) or f"{word}: a mirror swaps words without an underscore"
+                    diagnostics.add(statement.place(word), message)
+                if word in (*pairs, *pairs.values()) or left == right:
+                    diagnostics.add(statement.place(word), f"{word} is swapped twice")
+            pairs[str(left)] = str(right)
+    mirror = Mirror.of(pairs.items(), flips)
+    for name, (image, statement, word) in flips.items():
+        if mirror.text(name) != image:
+            diagnostics.add(
+                statement.place(word),
+                f"the mirror image of {name} is {mirror.text(name)}, with its sign changed or not",
+                f"for example: {name} -> -{mirror.text(name)}",
+            )
+    return mirror if pairs or flips else None
 
 
 def _only_one(section: str, statements: Sequence[Statement], diagnostics: Diagnostics) -> Statement | None:

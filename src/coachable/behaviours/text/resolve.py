@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from lark import Token, Tree
 
@@ -39,7 +39,11 @@ def resolved(statements: Sequence[Statement], mirror: Mirror | None, diagnostics
             _declare(statement, draft.constants, taken, broken, diagnostics, _constant)
     _check_derivatives(draft, broken, diagnostics)
     if mirror is not None:
+        signals = [signal for signal, _ in draft.signals.values()]
+        derivatives = {one.name: one.derivative_of for one in signals if one.derivative_of is not None}
+        mirror = mirror.with_derivatives(derivatives)
         _check_images(draft, mirror, broken, diagnostics)
+        _check_flips(mirror, among("mirror"), draft, broken, diagnostics)
     phrases: dict[str, Statement] = {}
     for statement in among("vocabulary"):
         _declare_phrase(statement, phrases, broken, diagnostics)
@@ -79,6 +83,22 @@ def _check_images(draft: Draft, mirror: Mirror, broken: set[str], diagnostics: D
                 statement.place(), f"signal {name} has no mirror image", f"declare {image} as well"
             )
             broken.add(image)
+
+
+def _check_flips(
+    mirror: Mirror,
+    statements: Iterable[Statement],
+    draft: Draft,
+    broken: set[str],
+    diagnostics: Diagnostics,
+) -> None:
+    for statement in statements:
+        for flip in parts_of(statement.tree):
+            name = parts_of(flip)[0]
+            if flip.data == "flip" and name not in {*draft.signals, *broken}:
+                diagnostics.add(
+                    statement.place(name), f"{name} is not a signal", suggestion(name, draft.signals)
+                )
 
 
 def _check_derivatives(draft: Draft, broken: set[str], diagnostics: Diagnostics) -> None:

@@ -198,7 +198,8 @@ _WORDS_FOR = (
 
 def _impossible(rule: str, before: str) -> set[str]:
     """Terminals that the parser, whose rules share states, names although they cannot come here."""
-    elsewhere = set() if rule == "chain" else {"ARROW", "ON", "WITH", "ASSIGN"}
+    elsewhere = set() if rule == "chain" else {"ON", "WITH", "ASSIGN"}
+    elsewhere |= set() if rule in ("chain", "mirror") else {"ARROW"}
     elsewhere |= set() if rule == "mirror" else {"SWAP"}
     elsewhere |= set() if rule == "phrase" and " means " not in before else {"MEANS"}
     elsewhere |= set() if before.count("(") > before.count(")") else {"CLOSE"}

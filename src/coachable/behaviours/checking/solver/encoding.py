@@ -156,15 +156,21 @@ class Encoding:
 
     def _sine_and_cosine(self, angle: Real) -> tuple[Real, Real]:
         angle = z3.simplify(angle, som=True)
-        opposite = z3.simplify(-angle, som=True).sexpr()
-        if opposite in self.sines:
-            _, sine, cosine = self.sines[opposite]
-            return -sine, cosine
-        if angle.sexpr() not in self.sines:
-            moment = next(self._fresh)
-            new = (angle, z3.Real(f"sin@{moment}"), z3.Real(f"cos@{moment}"))
-            self.facts += sines.facts_of(*new)
-            for other in self.sines.values():
-                self.facts += sines.order_of(new, other)
-            self.sines[angle.sexpr()] = new
-        return self.sines[angle.sexpr()][1:]
+        for known, sine, cosine in self.sines.values():
+            # Terms of one sum come in any order, so angles are compared by what is left of them.
+            if _is_zero(angle - known):
+                return sine, cosine
+            if _is_zero(angle + known):
+                return -sine, cosine
+        moment = next(self._fresh)
+        new = (angle, z3.Real(f"sin@{moment}"), z3.Real(f"cos@{moment}"))
+        self.facts += sines.facts_of(*new)
+        for other in self.sines.values():
+            self.facts += sines.order_of(new, other)
+        self.sines[angle.sexpr()] = new
+        return new[1:]
+
+
+def _is_zero(term: Real) -> bool:
+    left: typing.Any = z3.simplify(term, som=True)
+    return z3.is_rational_value(left) and left.as_fraction() == 0
