@@ -165,7 +165,7 @@ class Regions:
         match question.refuted():
             case True:
                 return False
-            case False if exact:
+            case False if exact or question.shown:
                 return True
             case _:
                 return None

@@ -17,6 +17,7 @@ from coachable.behaviours.behaviour import Assignment
 from coachable.behaviours.checking.solver import sines
 from coachable.behaviours.checking.solver.affine import nearest_float
 from coachable.behaviours.checking.solver.encoding import Encoding, Formula, Real, State, Witness
+from coachable.behaviours.checking.solver.kinematics import Decision, decide
 from coachable.behaviours.expressions import Expression
 from coachable.behaviours.predicates import Comparison, Not, Predicate, holds
 
@@ -41,6 +42,10 @@ class Question:
         self._encoding = Encoding(signals)
         self._required: list[Formula] = []
         self._claims: list[tuple[Predicate, State]] = []
+        self._supposed: list[tuple[Predicate, State]] = []
+        self._linked = False
+        self.shown = False
+        """Whether `refuted` found a state that meets the requirements, and whose neighbours show it."""
         self._given_up = 0
 
     def state(self) -> State:
@@ -49,6 +54,7 @@ class Question:
 
     def after(self, state: State, reset: Sequence[Assignment]) -> State:
         """The state right after the signals have jumped."""
+        self._linked = True
         return self._encoding.after(state, reset)
 
     def value(self, expression: Expression, state: State) -> Real:
@@ -66,18 +72,26 @@ class Question:
 
     def suppose(self, predicate: Predicate, state: State) -> None:
         """As `require`, without confirmation in floats: for a boundary on which no float may lie."""
+        self._supposed.append((predicate, state))
         self._required.append(self._encoding.truth(predicate, state))
 
     def require_that(self, fact: Formula) -> None:
         """Require a formula over the states' symbols."""
+        self._linked = self._linked or _mentions(fact, self._encoding.free)
         self._required.append(fact)
 
     def differ(self, one: State, other: State) -> None:
         """Require that two states differ."""
+        self._linked = True
         self._required.append(z3.Or([one.symbols[name] != other.symbols[name] for name in self._signals]))
 
     def refuted(self) -> bool | None:
         """True if it is proven that the requirements cannot be met, `None` if the solver gave up."""
+        if self._refuted_without_sines():
+            return True
+        if (decided := self._decided()) is not None:
+            self.shown = decided is not False
+            return decided is False
         for _ in range(_ROUNDS):
             answer = self._answer()
             if answer in (z3.unsat, z3.unknown):
@@ -91,6 +105,10 @@ class Question:
 
         Short numbers are preferred. Every requirement made by `require` has been evaluated at it in floats.
         """
+        if self._refuted_without_sines():
+            return False
+        if isinstance(decided := self._decided(), Mapping) or decided is False:
+            return decided
         all_are_left = True
         for _ in range(_ROUNDS):
             answer = self._answer()
@@ -108,6 +126,28 @@ class Question:
             if not self._corrected_sines(answer) and found is None:
                 return None
         return None
+
+    def _refuted_without_sines(self) -> bool:
+        """Whether the requirements contradict each other whatever numbers sines and cosines are."""
+        if not self._encoding.sines:
+            return False
+        solver = z3.SimpleSolver()
+        solver.set("rlimit", _EFFORT)
+        solver.set("timeout", _LONGEST)
+        solver.add(*self._required)
+        return solver.check() == z3.unsat
+
+    def _decided(self) -> Decision:
+        """What branch and bound says, if sines are in the way and each state stands for itself."""
+        if not self._encoding.sines or self._linked:
+            return None
+        of_states: dict[int, list[Predicate]] = {}
+        for predicate, state in (*self._claims, *self._supposed):
+            of_states.setdefault(id(state), []).append(predicate)
+        answers = [decide(self._signals, predicates) for predicates in of_states.values()]
+        if any(answer is False for answer in answers):
+            return False
+        return None if any(answer is None for answer in answers) else answers[0]
 
     def _answer(self, *further: Formula) -> Model:
         """A model, away from division by zero if there is one, or else `z3.unsat` or `z3.unknown`."""
@@ -190,6 +230,17 @@ class Question:
                 self._required += sines.near(angle, Fraction(known), *pair)
                 corrected = True
         return corrected
+
+
+def _mentions(fact: Formula, free: Mapping[str, Real]) -> bool:
+    """Whether a formula is about any of these symbols."""
+    waiting = [fact]
+    while waiting:
+        term = waiting.pop()
+        if str(term.decl()) in free:
+            return True
+        waiting += term.children()
+    return False
 
 
 def _fraction(model: Model, term: Real) -> Fraction:

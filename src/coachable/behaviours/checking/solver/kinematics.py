@@ -1,0 +1,412 @@
+"""Questions about sines and cosines of sums of angles, decided by interval branch and bound.
+
+A conjunction of comparisons is brought into signs of polynomials in angles, sines and cosines. All states
+that matter are in a box, for sines are periodic; the box is bisected until a point of it is certain to meet
+every sign, or no part of it can. Intervals are rounded outward by crival, so both are proofs. Where one
+polynomial must be zero, two corners of a box in which the rest holds, with different signs, show that it is
+somewhere. What is too close to call within the effort is left open.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import typing
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from importlib.util import find_spec
+
+import numpy as np
+
+from coachable.behaviours.checking.solver.affine import decimal
+from coachable.behaviours.checking.solver.corners import without_corners
+from coachable.behaviours.expressions import (
+    Arithmetic,
+    Call,
+    Constant,
+    Expression,
+    Negative,
+    Number,
+    Variable,
+)
+from coachable.behaviours.predicates import All, Any, Comparison, Predicate, holds
+from coachable.behaviours.rewriting import expanded, without_negations
+from coachable.behaviours.tree import fold, walk
+
+if typing.TYPE_CHECKING:
+    from ival import Interval
+
+Atom = tuple[str, tuple[tuple[str, Fraction], ...], Fraction]
+"""`var`, `sin` or `cos`, of a sum of multiples of signals and a number."""
+Polynomial = Mapping[tuple[Atom, ...], Fraction]
+Signs = frozenset[int]
+
+_SIGNS = {">": {1}, ">=": {0, 1}, "<": {-1}, "<=": {-1, 0}}
+_MOST_TERMS, _SAMPLES, _MOST_BOXES, _ROUNDS = 64, 4096, 40_000, 60
+_TURN = Fraction(6283185308, 10**9)
+"""A little more than 2π."""
+
+Decision = Mapping[str, float] | bool | None
+"""A state; True if there is one whose numbers are no floats; False if there is none; None if that is open."""
+
+
+class _BeyondReach(Exception):
+    """A predicate is not of the form that is decided here."""
+
+
+def decide(signals: Sequence[str], predicates: Sequence[Predicate]) -> Decision:
+    """A state in which predicates hold together; see `Decision`. Without crival everything is open."""
+    if find_spec("ival") is None:
+        return None
+    try:
+        if (state := _drawn(signals, predicates)) is not None:
+            return state
+        terms = list(itertools.islice(_terms(All(*predicates)), _MOST_TERMS + 1))
+        if len(terms) > _MOST_TERMS:
+            return None
+        systems = [system for term in terms if (system := _system(term)) is not None]
+    except _BeyondReach:
+        return None
+    answers: list[Decision] = []
+    for system in systems:
+        answer = _sampled(system, signals, predicates)
+        if answer is not None:
+            return answer
+    for system in systems:
+        answers.append(_branched(system, signals, predicates))
+        if answers[-1] not in (None, False):
+            return answers[-1]
+    return False if all(answer is False for answer in answers) else None
+
+
+def _terms(predicate: Predicate) -> Iterator[tuple[Comparison, ...]]:
+    def few(part: Predicate) -> list[tuple[Comparison, ...]]:
+        found = list(itertools.islice(of(part), _MOST_TERMS + 1))
+        if len(found) > _MOST_TERMS:
+            raise _BeyondReach
+        return found
+
+    def of(part: Predicate) -> Iterator[tuple[Comparison, ...]]:
+        match part:
+            case Comparison():
+                yield (part,)
+            case All(parts=parts):
+                for chosen in itertools.product(*map(few, parts)):
+                    yield tuple(itertools.chain(*chosen))
+            case Any(parts=parts):
+                for one in parts:
+                    yield from of(one)
+
+    return of(without_negations(without_corners(expanded(predicate))))
+
+
+def _drawn(signals: Sequence[str], predicates: Sequence[Predicate]) -> Mapping[str, float] | None:
+    """A state among short numbers drawn at random, where there is much room; whatever the form."""
+    plain = All(*(without_negations(without_corners(expanded(one))) for one in predicates))
+    comparisons = tuple(dict.fromkeys(walk(plain, Comparison)))
+    keys = [tuple(_polynomial(Arithmetic(one.left, "-", one.right)).items()) for one in comparisons]
+    random = np.random.default_rng(0)
+    points = random.uniform(-math.pi, math.pi, (len(signals), _SAMPLES)).round(1)
+    values = dict(zip(signals, points, strict=True))
+    with np.errstate(all="ignore"):
+        inside = np.broadcast_to(np.asarray(holds(plain, values, np)), _SAMPLES)
+    points = points[:, np.flatnonzero(inside)[:64]]
+    whole = dict.fromkeys(signals, (Fraction(0), Fraction(0)))
+    for point in points.T:
+        enclosures = _enclosures(
+            _System(dict.fromkeys(keys, frozenset()), whole, True), *[point[:, None]] * 2
+        )
+        # Floats err by less, so each comparison is in real arithmetic as it is in floats.
+        if all(value.lo[0] > 1e-9 or value.hi[0] < -1e-9 for value in enclosures):
+            state = dict(zip(signals, point.tolist(), strict=True))
+            if all(holds(one, state) for one in predicates):
+                return state
+    return None
+
+
+def _polynomial(expression: Expression) -> Polynomial:
+    def of(node: Expression, operands: list[Polynomial]) -> Polynomial:
+        match node:
+            case Number(value) | Constant(number=Number(value)):
+                return {(): decimal(value)}
+            case Variable(name):
+                return {(("var", ((name, Fraction(1)),), Fraction(0)),): Fraction(1)}
+            case Negative():
+                return _product(operands[0], {(): Fraction(-1)})
+            case Arithmetic(operator="+"):
+                return _total(*operands)
+            case Arithmetic(operator="-"):
+                return _total(operands[0], _product(operands[1], {(): Fraction(-1)}))
+            case Arithmetic(operator="*"):
+                return _product(*operands)
+            case Arithmetic(operator="/") if set(operands[1]) == {()} and operands[1][()]:
+                return _product(operands[0], {(): 1 / operands[1][()]})
+            case Call("sin" | "cos" as function):
+                return _wave(function, operands[0])
+        raise _BeyondReach
+
+    return {powers: number for powers, number in fold(expression, of).items() if number}
+
+
+def _total(one: Polynomial, other: Polynomial) -> Polynomial:
+    return {
+        powers: one.get(powers, Fraction(0)) + other.get(powers, Fraction(0)) for powers in {**one, **other}
+    }
+
+
+def _product(one: Polynomial, other: Polynomial) -> Polynomial:
+    found: dict[tuple[Atom, ...], Fraction] = {}
+    for (a, x), (b, y) in itertools.product(one.items(), other.items()):
+        powers = tuple(sorted((*a, *b)))
+        found[powers] = found.get(powers, Fraction(0)) + x * y
+    return found
+
+
+def _wave(function: str, angle: Polynomial) -> Polynomial:
+    multiples, offset = {}, Fraction(0)
+    for powers, number in angle.items():
+        if not powers:
+            offset = number
+        elif len(powers) == 1 and powers[0][0] == "var":
+            multiples[powers[0][1][0][0]] = number
+        else:
+            raise _BeyondReach
+    used = sorted((name, number) for name, number in multiples.items() if number)
+    sign = -1 if (used[0][1] if used else offset) < 0 else 1
+    atom = (function, tuple((name, sign * number) for name, number in used), sign * offset)
+    return {(atom,): Fraction(sign if function == "sin" else 1)}
+
+
+@dataclass(frozen=True)
+class _System:
+    """The signs that polynomials must have, and the box in which that is decided."""
+
+    signs: Mapping[tuple[tuple[tuple[Atom, ...], Fraction], ...], Signs]
+    box: Mapping[str, tuple[Fraction, Fraction]]
+    bounded: bool
+    """Whether every state that matters has its equal in the box."""
+
+
+def _system(term: Sequence[Comparison]) -> _System | None:
+    """`None` if some polynomial can have no sign."""
+    signs: dict[tuple, Signs] = {}
+    for comparison in term:
+        difference = _polynomial(Arithmetic(comparison.left, "-", comparison.right))
+        allowed = frozenset(_SIGNS[comparison.relation])
+        if not set(difference) - {()}:
+            number = difference.get((), Fraction(0))
+            if (number > 0) - (number < 0) not in allowed:
+                return None
+            continue
+        ordered = sorted(difference.items(), reverse=True)
+        first = ordered[0][1]
+        key = tuple((powers, number / abs(first) * (1 if first > 0 else -1)) for powers, number in ordered)
+        allowed = allowed if first > 0 else frozenset(-sign for sign in allowed)
+        signs[key] = signs.get(key, frozenset((-1, 0, 1))) & allowed
+        if not signs[key]:
+            return None
+    return _boxed(signs)
+
+
+def _boxed(signs: Mapping[tuple, Signs]) -> _System | None:
+    names, periods, levels = set(), {}, {}
+    bounds: dict[str, list[Fraction | None]] = {}
+    bounded, left = True, {}
+    for key, allowed in signs.items():
+        atoms = [atom for powers, _ in key for atom in powers]
+        for kind, multiples, _ in atoms:
+            for name, number in multiples:
+                names.add(name)
+                if kind != "var":
+                    periods[name] = math.lcm(periods.get(name, 1), number.denominator)
+        if len(atoms) == 1 and atoms[0][0] == "var":
+            ((name, _),) = atoms[0][1]
+            level = -dict(key).get((), Fraction(0))
+            levels.setdefault(name, []).append(abs(level))
+            low, high = bounds.setdefault(name, [None, None])
+            if -1 not in allowed:
+                low = level if low is None else max(low, level)
+            if 1 not in allowed:
+                high = level if high is None else min(high, level)
+            bounds[name] = [low, high]
+            if allowed != frozenset((0,)):
+                left[key] = allowed
+            continue
+        left[key] = allowed
+        if any(kind == "var" for kind, _, _ in atoms):
+            bounded = False
+    box = {}
+    for name in sorted(names):
+        reach = _TURN * periods.get(name, 1)
+        reach = max(levels[name]) + reach if name in levels else reach / 2
+        low, high = bounds.get(name, [None, None])
+        free = max(reach, Fraction(10)) if not bounded else reach
+        box[name] = (-free if low is None else low, free if high is None else high)
+        if box[name][0] > box[name][1]:
+            return None
+    return _System(left, box, bounded)
+
+
+# Points and boxes are pairs of arrays (number of signals, batch) of their lower and upper ends.
+
+
+def _ends(system: _System) -> tuple[np.ndarray, np.ndarray]:
+    from ival import Interval
+
+    sides = [(Interval(low).lo, Interval(high).hi) for low, high in system.box.values()]
+    low, high = np.array(sides, float).reshape(-1, 2).T
+    return low, high
+
+
+def _pair(low: np.ndarray, high: np.ndarray) -> Interval:
+    from ival import Interval
+
+    found = Interval.empty()
+    found.lo, found.hi = low, high
+    return found
+
+
+def _enclosures(system: _System, low: np.ndarray, high: np.ndarray) -> list[Interval]:
+    """What each polynomial can be in each box."""
+    import ival
+
+    place = {name: _pair(low[i], high[i]) for i, name in enumerate(system.box)}
+    atoms: dict[Atom, Interval] = {}
+
+    def of(atom: Atom) -> Interval:
+        if atom not in atoms:
+            kind, multiples, offset = atom
+            value = _pair(np.zeros(low.shape[1]), np.zeros(low.shape[1])) + ival.Interval(offset)
+            for name, number in multiples:
+                value = value + (place[name] if number == 1 else ival.Interval(number) * place[name])
+            atoms[atom] = value if kind == "var" else getattr(ival, kind)(value)
+        return atoms[atom]
+
+    found = []
+    for key in system.signs:
+        value = _pair(np.zeros(low.shape[1]), np.zeros(low.shape[1]))
+        for powers, number in key:
+            part = ival.Interval(number)
+            for atom in powers:
+                part = part * of(atom)
+            value = value + part
+        found.append(value)
+    return found
+
+
+def _certain(value: Interval, allowed: Signs) -> np.ndarray:
+    """Where it is certain and not by a hair: what is zero has states around it that are not allowed."""
+    return ((value.lo > 0) & (1 in allowed)) | ((value.hi < 0) & (-1 in allowed))
+
+
+def _possible(value: Interval, allowed: Signs) -> np.ndarray:
+    zero = (value.lo <= 0) & (value.hi >= 0)
+    return ((value.hi > 0) & (1 in allowed)) | ((value.lo < 0) & (-1 in allowed)) | (zero & (0 in allowed))
+
+
+def _found(
+    system: _System,
+    low: np.ndarray,
+    high: np.ndarray,
+    signals: Sequence[str],
+    predicates: Sequence[Predicate],
+) -> Decision:
+    """A state in one of these boxes that is certain, or None."""
+    equal = [i for i, allowed in enumerate(system.signs.values()) if allowed == frozenset((0,))]
+    if len(equal) > 1:
+        return None
+    values = _enclosures(system, low, high)
+    certain = np.ones(low.shape[1], bool)
+    for i, allowed in enumerate(system.signs.values()):
+        certain &= True if i in equal else _certain(values[i], allowed)
+    (places,) = np.nonzero(certain)
+    if not len(places):
+        return None
+    if equal:
+        return True if _changes_sign(system, equal[0], low[:, places], high[:, places]) else None
+    for place in places[:8]:
+        middle = (low[:, place] + high[:, place]) / 2
+        for digits in (1, 2, 3, 6, 17):
+            short = np.array([float(f"{x:.{digits}g}") for x in middle])
+            inside = (short >= low[:, place]) & (short <= high[:, place])
+            state = dict.fromkeys(signals, 0.0) | dict(zip(system.box, short.tolist(), strict=True))
+            if (inside.all() or _point_is_certain(system, short)) and all(
+                holds(one, state) for one in predicates
+            ):
+                return state
+    return True
+
+
+def _point_is_certain(system: _System, point: np.ndarray) -> bool:
+    low, high = _ends(system)
+    if np.any(point < low) or np.any(point > high):
+        return False
+    values = _enclosures(system, point[:, None], point[:, None])
+    return all(
+        bool(_certain(value, allowed)[0])
+        for value, allowed in zip(values, system.signs.values(), strict=True)
+    )
+
+
+def _changes_sign(system: _System, index: int, low: np.ndarray, high: np.ndarray) -> bool:
+    """Whether a polynomial is above zero at one corner of some box and below at the opposite one."""
+    middle, radius = (low + high) / 2, (high - low) / 2
+    slopes = []
+    for axis in range(len(low)):
+        step = np.zeros_like(low)
+        step[axis] = radius[axis]
+        ends = [_enclosures(system, middle + sign * step, middle + sign * step)[index] for sign in (1, -1)]
+        slopes.append(ends[0].lo - ends[1].lo)
+    up = np.where(np.array(slopes) >= 0, high, low)
+    down = np.where(np.array(slopes) >= 0, low, high)
+    above, below = (_enclosures(system, corner, corner)[index] for corner in (up, down))
+    return bool(np.any((above.lo > 0) & (below.hi < 0)))
+
+
+def _sampled(system: _System, signals: Sequence[str], predicates: Sequence[Predicate]) -> Decision:
+    """A state among points drawn from the box, which is quick where there is much room."""
+    low, high = (end[:, None] for end in _ends(system))
+    random = np.random.default_rng(0)
+    points = np.minimum(np.maximum(low + random.random((len(low), _SAMPLES)) * (high - low), low), high)
+    values = [value.lo for value in _enclosures(system, points, points)]
+    room = np.full(_SAMPLES, math.inf)
+    off = np.zeros(_SAMPLES)
+    for value, allowed in zip(values, system.signs.values(), strict=True):
+        if allowed == frozenset((0,)):
+            off = np.abs(value)
+        else:
+            best = [value] * (1 in allowed) + [-value] * (-1 in allowed)
+            room = np.minimum(room, np.max(best, axis=0))
+    inside = np.flatnonzero(room > 0)
+    if not len(inside):
+        return None
+    chosen = inside[np.argsort(off[inside] - 1e-3 * np.minimum(room[inside], 1.0))[:256]]
+    for radius in (0.0, 1e-3, 1e-2, 3e-2, 1e-1, 2e-1):
+        around = [np.clip(points[:, chosen] + sign * radius, low, high) for sign in (-1, 1)]
+        if (answer := _found(system, *around, signals, predicates)) is not None:
+            return answer
+    return None
+
+
+def _branched(system: _System, signals: Sequence[str], predicates: Sequence[Predicate]) -> Decision:
+    """The box, bisected along its longest sides; what can hold nowhere is left out."""
+    low, high = (end[:, None] for end in _ends(system))
+    for _ in range(_ROUNDS):
+        values = _enclosures(system, low, high)
+        possible = np.ones(low.shape[1], bool)
+        for value, allowed in zip(values, system.signs.values(), strict=True):
+            possible &= _possible(value, allowed)
+        low, high = low[:, possible], high[:, possible]
+        if not low.shape[1]:
+            return False if system.bounded else None
+        if (answer := _found(system, low, high, signals, predicates)) is not None:
+            return answer
+        if low.shape[1] > _MOST_BOXES:
+            return None
+        axis, every = np.argmax(high - low, axis=0), np.arange(low.shape[1])
+        middle = (low[axis, every] + high[axis, every]) / 2
+        left, right = high.copy(), low.copy()
+        left[axis, every] = right[axis, every] = middle
+        low, high = np.concatenate([low, right], 1), np.concatenate([left, high], 1)
+    return None
