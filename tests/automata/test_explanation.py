@@ -249,3 +249,19 @@ def test_as_text_and_as_json_agree_on_the_numbers(walk, tmp_path):
 def test_explaining_loads_no_jax():
     program = "import sys, coachable.automata.explanation\nassert 'jax' not in sys.modules"
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_columns_are_read_by_the_meaning_of_their_units(tmp_path):
+    path = tmp_path / "units.csv"
+    path.write_text("t [ms],acc [m/s**2],torque [N mm],load [N]\n0,1,500,3\n250,2,-750,4\n")
+    signals = (Signal("acc", "m/s^2"), Signal("torque", "N*m"), Signal("load", "N"))
+    (trace,) = read_trace(path, signals)
+    assert trace.time.tolist() == [0.0, 0.25]
+    assert [trace.values[signal.name].tolist() for signal in signals] == [[1, 2], [0.5, -0.75], [3, 4]]
+    assert trace.converted == (
+        "the time is converted from column 't [ms]': × 1/1000",
+        "torque is converted from column 'torque [N mm]': × 1/1000",
+    )
+    path.write_text("t,acc [deg/s^2],torque,load\n0,1,1,1\n")
+    with pytest.raises(TraceError, match=r"acc is in deg/s\^2, but .* is in m/s\^2"):
+        list(read_trace(path, signals))

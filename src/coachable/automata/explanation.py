@@ -22,11 +22,12 @@ from coachable.foundation.errors import TraceError
 
 @dataclass(frozen=True)
 class Explanation:
-    """The report on a whole trace, and its first violations."""
+    """The report on a whole trace, its first violations, and what was converted from another unit."""
 
     trace: str
     report: MonitorReport
     shown: tuple[Violation, ...]
+    converted: tuple[str, ...] = ()
 
 
 def explain(
@@ -67,14 +68,15 @@ def explain_parts(
 
     **Raises:** `TraceError` if the trace lacks one of the behaviour's signals.
     """
-    monitor, shown = Monitor(behaviour), []
+    monitor, shown, converted = Monitor(behaviour), [], ()
     with _phase_writer(phases, behaviour) as write:
         for chunk in parts:
+            converted = chunk.converted
             locations, violations = monitor.feed_rows(chunk.time, chunk.values)
             shown += violations if limit is None else violations[: max(limit - len(shown), 0)]
             write(chunk.time, locations)
             progress(monitor.report())
-    return Explanation(title, monitor.report(), tuple(shown))
+    return Explanation(title, monitor.report(), tuple(shown), converted)
 
 
 def as_text(explanation: Explanation) -> str:
@@ -85,6 +87,7 @@ def as_text(explanation: Explanation) -> str:
         f"{explanation.trace} against {behaviour.name!r}: "
         f"{report.samples:,} sample{'s' * (report.samples != 1)}, "
         f"t = {seconds(report.start or 0.0)} s to {seconds(report.end or 0.0)} s",
+        *(f"  {clause}" for clause in explanation.converted),
         "",
         f"  in a phase   {_percent(report.share_in_cycle)} of the samples",
         *(
@@ -112,6 +115,7 @@ def as_json(explanation: Explanation) -> dict[str, object]:
         "trace": explanation.trace,
         "behaviour": behaviour.name,
         "follows": report.follows,
+        "converted": list(explanation.converted),
         "samples": report.samples,
         "start": report.start,
         "end": report.end,

@@ -27,6 +27,8 @@ class Trace:
     signals: tuple[Signal, ...]
     values: Mapping[str, Float[np.ndarray, "..."]]
     """By name, a number a sample for each signal, in its unit; NaN where nothing was recorded."""
+    converted: tuple[str, ...] = ()
+    """What was converted from another unit, a clause each."""
 
     def __post_init__(self):
         names = tuple(signal.name for signal in self.signals)

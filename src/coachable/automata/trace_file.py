@@ -8,6 +8,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -33,8 +34,9 @@ def read_trace(path: Path, signals: tuple[Signal, ...], dt: float | None = None)
     """The trace in a file, in consecutive parts of some ten thousand samples.
 
     A CSV file has a header; a column is named after its signal, with the unit behind it in brackets or
-    without: `dtheta_1` or `dtheta_1 [rad/s]`. Other columns are not read. The suffix decides: `.parquet`
-    is Parquet, everything else CSV, decompressed where it ends in `.gz`, `.bz2` or `.zst`.
+    without: `dtheta_1` or `dtheta_1 [rad/s]`. A column in another unit of the same kind is converted where
+    the factor is exact, as from mm to m; `Trace.converted` says so. Other columns are not read. The suffix
+    decides: `.parquet` is Parquet, everything else CSV, decompressed if it ends in `.gz`, `.bz2` or `.zst`.
 
     **Arguments:** `signals`, what to look for; `dt`, the time from row to row [s], which takes the place
     of the time column, `t` or `time`, of which one that is no signal is taken first.
@@ -48,15 +50,18 @@ def read_trace(path: Path, signals: tuple[Signal, ...], dt: float | None = None)
         raise TraceError(f"dt is {dt!r}; give the time from sample to sample in seconds, greater than zero")
     try:
         names = _parquet_names(path) if _is_parquet(path) else _csv_names(path)
-        columns = _columns(path, names, signals, with_time=dt is None)
+        columns, factors = _columns(path, names, signals, with_time=dt is None)
+        converted = tuple(_clause(name or "the time", columns[name], factors[name]) for name in factors)
         batches = _parquet_batches(path, columns) if _is_parquet(path) else _csv_batches(path, columns)
         rows, previous = 0, -math.inf
         for batch in batches:
             arrays = dict(zip(columns, map(_floats, batch.columns), strict=True))
+            for name, factor in factors.items():
+                arrays[name] = arrays[name] * factor.numerator / factor.denominator
             time = arrays.pop("") if dt is None else np.arange(rows, rows + batch.num_rows) * dt
             _require_increasing(path, time, previous, rows)
             rows, previous = rows + len(time), float(time[-1]) if len(time) else previous
-            yield Trace(time, signals, arrays)
+            yield Trace(time, signals, arrays, converted)
     except (pa.ArrowException, OSError, UnicodeDecodeError, csv.Error) as error:
         raise TraceError(f"{path}: cannot be read: {_first_line(error)}") from None
 
@@ -98,21 +103,36 @@ def _require_increasing(path: Path, time: np.ndarray, previous: float, num_befor
         raise TraceError(f"{path}: {error}") from None
 
 
-def _columns(path: Path, names: list[str], signals: tuple[Signal, ...], *, with_time: bool) -> dict[str, str]:
-    """Which column of the file holds which signal; the time's key is the empty name."""
+def _clause(name: str, column: str, factor: Fraction) -> str:
+    return f"{name} is converted from column {column!r}: × {factor}"
+
+
+def _columns(
+    path: Path, names: list[str], signals: tuple[Signal, ...], *, with_time: bool
+) -> tuple[dict[str, str], dict[str, Fraction]]:
+    """Which column of the file holds which signal, and factors other than 1; the time has the empty name."""
     found: dict[str, list[tuple[str, str | None]]] = {}
     for column in names:
         if header := _HEADER.fullmatch(column):
             found.setdefault(header["name"], []).append((column, header["unit"]))
 
-    def column_of(what: str, name: str, unit: str) -> str:
+    factors: dict[str, Fraction] = {}
+
+    def column_of(what: str, name: str, unit: str, key: str) -> str:
         if len(found[name]) > 1 or Counter(names)[found[name][0][0]] > 1:
             raise TraceError(f"{path}: there is more than one column {name}")
         ((column, unit_there),) = found[name]
         if unit_there is not None and unit and "".join(unit_there.split()) != "".join(unit.split()):
-            raise TraceError(
-                f"{path}: column {name} is in {unit_there}, but {what} is in {unit}; convert the column"
-            )
+            # Whoever writes no units, or the same ones, does without the checker's imports.
+            from coachable.behaviours.checking.units import exact_factor
+
+            factor = exact_factor(unit_there, unit)
+            if factor is None:
+                raise TraceError(
+                    f"{path}: column {name} is in {unit_there}, but {what} is in {unit}; convert the column"
+                )
+            if factor != 1:
+                factors[key] = factor
         return column
 
     columns = {}
@@ -123,14 +143,14 @@ def _columns(path: Path, names: list[str], signals: tuple[Signal, ...], *, with_
             raise TraceError(
                 f"{path}: there is no column t or time; give the time between two rows with --dt [s]"
             )
-        columns[""] = column_of("the time", times[0], "s")
+        columns[""] = column_of("the time", times[0], "s", "")
     for signal in signals:
         if signal.name not in found:
             others = found.keys() - {other.name for other in signals} - set(TIME_NAMES)
             hint = suggestion(signal.name, sorted(others or found))
             raise TraceError(f"{path}: there is no column {signal.name}; {hint}")
-        columns[signal.name] = column_of("the behaviour's signal", signal.name, signal.unit)
-    return columns
+        columns[signal.name] = column_of("the behaviour's signal", signal.name, signal.unit, signal.name)
+    return columns, factors
 
 
 def _is_parquet(path: Path) -> bool:

@@ -10,6 +10,7 @@ from itertools import product
 
 from coachable.behaviours.behaviour import Behaviour, Dwell, Edge
 from coachable.behaviours.checking.comparison import always_equal, disagreements, staying_differs
+from coachable.behaviours.checking.units import exact_factor
 from coachable.behaviours.expressions import Number, Variable
 from coachable.behaviours.predicates import Between, Comparison, Predicate, Signal
 from coachable.behaviours.tree import walk
@@ -106,7 +107,7 @@ def _signals(first: Behaviour, second: Behaviour) -> Iterator[Difference]:
         yield Difference("signals", f"Only the second has the signal {name}.")
     for name in [name for name in ours if name in theirs]:
         one, other = ours[name], theirs[name]
-        if one.unit != other.unit:
+        if one.unit != other.unit and exact_factor(one.unit, other.unit) != 1:
             units = f"{one.unit or 'no unit'} in the first and {other.unit or 'no unit'} in the second"
             yield Difference("signals", f"{name} has {units}.")
         if one.derivative_of != other.derivative_of:

@@ -1,11 +1,12 @@
 import contextlib
 import math
+from fractions import Fraction
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coachable.behaviours.checking.units import NONE, Unit, parse_unit, unfamiliar
+from coachable.behaviours.checking.units import NONE, Unit, exact_factor, parse_unit, unfamiliar
 from coachable.foundation.errors import BehaviourError
 
 EQUAL = [
@@ -91,3 +92,28 @@ def test_a_misspelt_word_has_a_suggestion():
 )
 def test_units_print_in_base_units(text, printed):
     assert str(parse_unit(text)) == printed
+
+
+@pytest.mark.parametrize(
+    ("unit", "wanted", "factor"),
+    [
+        ("m/s**2", "m/s^2", 1),
+        ("N m", "N*m", 1),
+        ("N.m", "N*m", 1),
+        ("N-m", "J", 1),
+        ("Nm", "kg*m^2/s^2", 1),
+        ("m·s⁻²", "m/s/s", 1),
+        ("mm", "m", Fraction(1, 1000)),
+        ("km/h", "m/s", Fraction(5, 18)),
+        ("N mm", "N*m", Fraction(1, 1000)),
+        ("min", "ms", 60_000),
+        ("strides", "strides", 1),
+        ("deg", "rad", None),
+        ("rad/s", "Hz", None),
+        ("m", "s", None),
+        ("m//s", "m", None),
+        ("km^900", "m", None),
+    ],
+)
+def test_numbers_are_converted_where_the_factor_is_exact(unit, wanted, factor):
+    assert exact_factor(unit, wanted) == factor

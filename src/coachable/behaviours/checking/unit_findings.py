@@ -156,8 +156,8 @@ def _conversion(one: Expression, first: Unit, other: Expression, second: Unit) -
     for expression, own, wanted in ((other, second, first), (one, first, second)):
         number = expression.number if isinstance(expression, Constant) else expression
         if isinstance(number, Number) and number.unit:
-            return f"{number} is {number.value * own.scale / wanted.scale:.4g} [{wanted}]."
-    return f"Multiply {other} by {second.scale / first.scale:.4g}."
+            return f"{number} is {float(number.value * own.scale / wanted.scale):.4g} [{wanted}]."
+    return f"Multiply {other} by {float(second.scale / first.scale):.4g}."
 
 
 def _unreadable(behaviour: Behaviour) -> Iterator[Finding]:

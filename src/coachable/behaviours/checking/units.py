@@ -1,6 +1,7 @@
 """Units such as `rad/s` and `N*m`: their base units, and whether two are the same.
 
-Nothing is ever converted. A word that is not known is a unit of its own, equal only to itself.
+A description is never converted; a column of a recording is, where the factor is exact. A word that is not
+known is a unit of its own, equal only to itself.
 """
 
 from __future__ import annotations
@@ -10,48 +11,60 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from fractions import Fraction
 from types import MappingProxyType
 
 from coachable.foundation.errors import BehaviourError
 
-_KNOWN: Mapping[str, tuple[float, Mapping[str, int]]] = MappingProxyType(
+_KNOWN: Mapping[str, tuple[float | Fraction, Mapping[str, int]]] = MappingProxyType(
     {
-        "1": (1.0, {}),
-        "%": (0.01, {}),
-        "rad": (1.0, {"rad": 1}),
+        "1": (Fraction(1), {}),
+        "%": (Fraction(1, 100), {}),
+        "rad": (Fraction(1), {"rad": 1}),
         "deg": (math.pi / 180, {"rad": 1}),
         "°": (math.pi / 180, {"rad": 1}),
         "rev": (2 * math.pi, {"rad": 1}),
-        "m": (1.0, {"m": 1}),
-        "km": (1e3, {"m": 1}),
-        "cm": (1e-2, {"m": 1}),
-        "mm": (1e-3, {"m": 1}),
-        "s": (1.0, {"s": 1}),
-        "ms": (1e-3, {"s": 1}),
-        "min": (60.0, {"s": 1}),
-        "h": (3600.0, {"s": 1}),
-        "Hz": (1.0, {"s": -1}),
-        "kg": (1.0, {"kg": 1}),
-        "g": (1e-3, {"kg": 1}),
-        "A": (1.0, {"A": 1}),
-        "K": (1.0, {"K": 1}),
-        "N": (1.0, {"kg": 1, "m": 1, "s": -2}),
-        "kN": (1e3, {"kg": 1, "m": 1, "s": -2}),
-        "J": (1.0, {"kg": 1, "m": 2, "s": -2}),
-        "W": (1.0, {"kg": 1, "m": 2, "s": -3}),
-        "Pa": (1.0, {"kg": 1, "m": -1, "s": -2}),
-        "V": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -1}),
+        "m": (Fraction(1), {"m": 1}),
+        "km": (Fraction(1000), {"m": 1}),
+        "cm": (Fraction(1, 100), {"m": 1}),
+        "mm": (Fraction(1, 1000), {"m": 1}),
+        "s": (Fraction(1), {"s": 1}),
+        "ms": (Fraction(1, 1000), {"s": 1}),
+        "us": (Fraction(1, 10**6), {"s": 1}),
+        "µs": (Fraction(1, 10**6), {"s": 1}),
+        "ns": (Fraction(1, 10**9), {"s": 1}),
+        "min": (Fraction(60), {"s": 1}),
+        "h": (Fraction(3600), {"s": 1}),
+        "Hz": (Fraction(1), {"s": -1}),
+        "kg": (Fraction(1), {"kg": 1}),
+        "g": (Fraction(1, 1000), {"kg": 1}),
+        "A": (Fraction(1), {"A": 1}),
+        "K": (Fraction(1), {"K": 1}),
+        "N": (Fraction(1), {"kg": 1, "m": 1, "s": -2}),
+        "kN": (Fraction(1000), {"kg": 1, "m": 1, "s": -2}),
+        "mN": (Fraction(1, 1000), {"kg": 1, "m": 1, "s": -2}),
+        "Nm": (Fraction(1), {"kg": 1, "m": 2, "s": -2}),
+        "J": (Fraction(1), {"kg": 1, "m": 2, "s": -2}),
+        "W": (Fraction(1), {"kg": 1, "m": 2, "s": -3}),
+        "Pa": (Fraction(1), {"kg": 1, "m": -1, "s": -2}),
+        "V": (Fraction(1), {"kg": 1, "m": 2, "s": -3, "A": -1}),
     }
 )
 _FACTOR = re.compile(r"([^\s*·/^\d()][^\s*·/^()]*|1)(?:(?:\^|\*\*)([+-]?\d{1,3}))?")
+_SUPERSCRIPT = re.compile("[⁺⁻]?[⁰¹²³⁴-⁹]+")
+_PLAIN = str.maketrans("⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+-0123456789")
+_JOINED = re.compile(r"(?<=[^\W\d])[.\-](?=[^\W\d])")
 _BETWEEN = re.compile(r"\s*(?:[*·/](?!\*)|\s)\s*")
 
 
 @dataclass(frozen=True)
 class Unit:
-    """`scale` times a product of powers of base units; `powers` are sorted and hold no zeros."""
+    """`scale` times a product of powers of base units; `powers` are sorted and hold no zeros.
 
-    scale: float = 1.0
+    The scale is a fraction where it is exact, and a float where π is in it.
+    """
+
+    scale: float | Fraction = Fraction(1)
     powers: tuple[tuple[str, int], ...] = ()
 
     def times(self, other: Unit, power: int = 1) -> Unit:
@@ -61,8 +74,9 @@ class Unit:
             powers[base] = powers.get(base, 0) + power * exponent
         left = tuple(sorted((base, exponent) for base, exponent in powers.items() if exponent))
         try:
-            return Unit(self.scale * other.scale**power, left)
-        except OverflowError:
+            scale = self.scale * other.scale**power
+            return Unit(scale if float(scale) else 0.0, left)
+        except (OverflowError, ZeroDivisionError):
             return Unit(math.inf, left)
 
     def same_dimension(self, other: Unit) -> bool:
@@ -86,13 +100,17 @@ class Unit:
         over = [_power(base, exponent) for base, exponent in self.powers if exponent > 0]
         under = [_power(base, -exponent) for base, exponent in self.powers if exponent < 0]
         text = "/".join(["*".join(over) or "1", *under]) if self.powers else "no unit"
-        return text if math.isclose(self.scale, 1.0) else f"{self.scale:.4g} {text}".replace(" no unit", "")
+        return (
+            text
+            if math.isclose(self.scale, 1.0)
+            else f"{float(self.scale):.4g} {text}".replace(" no unit", "")
+        )
 
 
 NONE = Unit()
 """The unit of a pure number."""
 
-SECOND = Unit(1.0, (("s", 1),))
+SECOND = Unit(Fraction(1), (("s", 1),))
 
 
 def _power(base: str, exponent: int) -> str:
@@ -102,17 +120,19 @@ def _power(base: str, exponent: int) -> str:
 def parse_unit(text: str) -> Unit:
     """The unit that a text such as `rad/s`, `m/s^2`, `N*m`, `1/s` or `%` names; of no text, `NONE`.
 
-    Factors are joined by `*`, `·`, a space or `/`, and `/` divides by the one factor behind it.
+    Factors are joined by `*`, `·`, `.`, `-`, a space or `/`, and `/` divides by the one factor behind it.
+    Powers are written `s^2`, `s**2` or `s²`.
 
     **Raises:** `BehaviourError` for what cannot be read so.
     """
     unit, position, divide = NONE, 0, False
-    text = text.strip()
+    text = _SUPERSCRIPT.sub(lambda digits: "^" + digits[0].translate(_PLAIN), text.strip())
+    text = _JOINED.sub("*", text)
     while position < len(text):
         factor = _FACTOR.match(text, position)
         if factor is None:
             raise BehaviourError(f"unit {text!r}: {text[position:]!r} is not a unit; write such as 'm/s^2'")
-        scale, powers = _KNOWN.get(factor[1], (1.0, {factor[1]: 1}))
+        scale, powers = _KNOWN.get(factor[1], (Fraction(1), {factor[1]: 1}))
         power = int(factor[2] or 1)
         unit = unit.times(_raised(Unit(scale, tuple(sorted(powers.items()))), power), -1 if divide else 1)
         position = factor.end()
@@ -123,6 +143,23 @@ def parse_unit(text: str) -> Unit:
             divide = "/" in between[0]
             position = between.end()
     return unit
+
+
+def exact_factor(unit: str, wanted: str) -> Fraction | None:
+    """What numbers in a unit are multiplied by for another; `None` if it is not exact or there is none.
+
+    An angle is a unit here, not a number: a frequency in Hz and one in rad/s are not the same.
+    """
+    try:
+        one, other = parse_unit(unit), parse_unit(wanted)
+    except BehaviourError:
+        return Fraction(1) if unit.split() == wanted.split() else None
+    if not one.same_dimension(other) or 0 in (one.scale, other.scale):
+        return None
+    if one.scale == other.scale:
+        return Fraction(1)
+    factor = one.scale / other.scale
+    return factor if isinstance(factor, Fraction) else None
 
 
 def _raised(unit: Unit, power: int) -> Unit:
