@@ -67,7 +67,7 @@ def controller_data(loop: ClosedLoop) -> dict[str, Any]:
                 f"{controller.plant.parameters}, and drives {loop.plant.parameters}"
             )
         return {"kind": "virtual-gravity", "slope": _decimal(controller.slope), "hold": hold}
-    if type(controller) is Policy and hold is not None:
+    if isinstance(controller, Policy) and type(controller) is Policy and hold is not None:
         _require_plain(controller)
         return {
             "kind": "network",

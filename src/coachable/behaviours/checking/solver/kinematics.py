@@ -383,8 +383,8 @@ def _sampled(system: _System, signals: Sequence[str], predicates: Sequence[Predi
         return None
     chosen = inside[np.argsort(off[inside] - 1e-3 * np.minimum(room[inside], 1.0))[:256]]
     for radius in (0.0, 1e-3, 1e-2, 3e-2, 1e-1, 2e-1):
-        around = [np.clip(points[:, chosen] + sign * radius, low, high) for sign in (-1, 1)]
-        if (answer := _found(system, *around, signals, predicates)) is not None:
+        below, above = (np.clip(points[:, chosen] + sign * radius, low, high) for sign in (-1, 1))
+        if (answer := _found(system, below, above, signals, predicates)) is not None:
             return answer
     return None
 
