@@ -168,8 +168,13 @@ def draw(
 
         text = automaton_dot(described) if suffix == ".dot" else automaton_mermaid(described)
     elif reward is None:
-        from coachable.diagram.draw import automaton_svg
+        from coachable.diagram.draw import MOST_PHASES, automaton_svg
 
+        if (number := len(described.phases)) > MOST_PHASES:
+            raise CoachableError(
+                f"{behaviour} has {number} phases, and at most {MOST_PHASES} are drawn; "
+                "give x.dot or x.mmd, which name any number"
+            )
         text = automaton_svg(described)
     else:
         from coachable.rewards.picture import reward_svg
