@@ -156,3 +156,9 @@ def test_a_walk_without_a_finite_sample_is_a_sentence(columns, motion_of):
     nothing["phase"] = columns["phase"]
     with pytest.raises(ParameterError, match="nothing to draw"):
         motion_of(nothing)
+
+
+def test_legs_much_lighter_than_the_body_are_filmed(columns, motion_of, phases, tmp_path):
+    heavy = motion_of(columns, CompassParameters(hip_mass=1e4)).part(0, 81)
+    for suffix in (".gif", ".png"):
+        draw_motions({"": heavy}, tmp_path / f"heavy{suffix}", phases)

@@ -61,7 +61,7 @@ def _too_many(behaviour: Behaviour) -> str:
         f"{behaviour.name}: {len(behaviour.phases)} phases, more than the {MOST_PHASES} that are drawn"
     )
     return (
-        '<svg xmlns="http://www.w3.org/2000/svg" class="automaton" viewBox="0 0 800 60" width="800" height="60">'
+        '<svg xmlns="http://www.w3.org/2000/svg" class="automaton" viewBox="0 0 800 60">'
         f'<text x="24" y="36" font-family="sans-serif" font-size="14">{words}</text></svg>\n'
     )
 
