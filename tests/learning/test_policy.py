@@ -73,7 +73,7 @@ def test_a_damaged_policy_is_refused_with_what_is_wrong():
         ([4], {}, "layers must be two or more"),
         ([4, 0, 2], {}, "layers must be two or more"),
         (None, {}, "layers must be two or more"),
-        ([4, 10**30], {}, "whole numbers"),
+        ([4, 10**30], {}, "layers should be"),
         (None, {"low": np.zeros(2, int)}, "layers"),
         ([4, 16, 8, 2], {"low": np.zeros(2, int)}, "low is int64"),
         ([4, 16, 8, 2], {"layer_1.weight": np.zeros((16, 4, 1))}, "layer_1.weight is float64"),

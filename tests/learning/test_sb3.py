@@ -165,8 +165,8 @@ def test_we_know_how_often_their_weights_change(trainer):
         ("sb3-sac", {"learning_rate": float("inf")}, "learning_rate must be a finite number"),
         ("sb3-td3", {"noise_std": "a"}, "noise_std must be like"),
         ("sb3-td3", {"action_noise": "normal"}, "no setting .action_noise."),
-        ("sb3-sac", {"use_sde": True}, "no policy's file can say"),
-        ("sb3-ppo", {"policy_kwargs": {"squash_output": True}}, "no policy's file can say"),
+        ("sb3-sac", {"use_sde": True}, "no policy file can hold"),
+        ("sb3-ppo", {"policy_kwargs": {"squash_output": True}}, "no policy file can hold"),
     ],
 )
 def test_a_setting_it_does_not_have_or_cannot_keep_is_refused(trainer, settings, message):

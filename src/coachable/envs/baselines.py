@@ -64,7 +64,7 @@ def baseline(
 
     **Arguments:** `controller_name`, as in `controller_of`; the others as in `make_task`.
 
-    Raises `ParameterError` for an unknown controller or more than 100,000 seconds, and what `make_task` raises.
+    Raises `ParameterError` for an unknown controller or more than 100,000 s, and what `make_task` raises.
     """
     real_number(seconds, "seconds", ParameterError, least=0.01, most=100_000)
     with jax.enable_x64(True):
