@@ -100,6 +100,8 @@ def test_every_command_has_help_with_an_example(capsys, name):
         (["explain", "compass-walking", "nowhere.csv", "-o", "x.txt"], ["x.txt", ".csv"]),
         (["report"], ["RUN"]),
         (["report", "nowhere", "-o", "x.html"], ["nowhere is not a folder"]),
+        (["report", "[/red]", "-o", "x.html"], ["[/red] is not a folder"]),
+        (["verify", "[/red]"], ["[/red] is not a folder"]),
         (["report", "nowhere", "-o", "x.pdf"], ["x.pdf", ".html, .md", "folder"]),
         (["baseline", "gravity"], ["the compass walker has no baseline 'gravity'", "'virtual-gravity'"]),
         (["baseline", "virtual-gravity:slop=1"], ["no setting 'slop'", "'slope'"]),
