@@ -82,9 +82,8 @@ def _decoded(table: pa.Table, path: Path, error: Raises) -> pa.Table:
         if not pa.types.is_dictionary(field.type):
             continue
         column = table.column(place)
-        longest = max(
-            (pc.max(pc.binary_length(chunk.dictionary)).as_py() or 0 for chunk in column.chunks), default=0
-        )
+        lengths = (pc.call_function("binary_length", [chunk.dictionary]) for chunk in column.chunks)
+        longest = max((pc.call_function("max", [one]).as_py() or 0 for one in lengths), default=0)
         if longest * len(table) > MOST_BYTES:
             raise error(f"{path} cannot be read: the texts in its column {field.name!r} are too long")
         table = table.set_column(

@@ -84,7 +84,7 @@ class Policy(eqx.Module):
 
         Raises `RunFolderError` if something is missing or does not fit together.
         """
-        sizes = description.get("layers")
+        sizes: Any = description.get("layers")
         if not _are_sizes(sizes):
             raise RunFolderError(f"the policy's layers must be two or more whole numbers, got {shown(sizes)}")
         for name, array in tensors.items():
