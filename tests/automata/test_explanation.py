@@ -109,14 +109,14 @@ def test_phases_are_never_written_over_the_trace(walk, tmp_path, capsys):
     before = path.read_bytes()
     (tmp_path / "link.csv").symlink_to(path)
     for phases in (path, tmp_path / "link.csv"):
-        code, _, err = run(capsys, "compass-walking", path, "--phases", phases)
+        code, _, err = run(capsys, "compass-walking", path, "-o", phases)
         assert (code, "give another file" in err) == (2, True)
         assert path.read_bytes() == before
 
 
 def test_a_place_that_cannot_be_written_to_is_named(walk, tmp_path, capsys):
     path, nowhere = write(tmp_path / "walk.csv", walk), tmp_path / "nowhere"
-    code, _, err = run(capsys, "compass-walking", path, "--phases", nowhere / "phases.csv")
+    code, _, err = run(capsys, "compass-walking", path, "-o", nowhere / "phases.csv")
     assert (code, f"{nowhere / 'phases.csv'}: No such file" in err) == (2, True)
     for name in ("walk.csv", "walk.csv.gz", "walk.parquet"):
         with pytest.raises(TraceError, match=f"{name}: cannot be written"):

@@ -31,7 +31,7 @@ from coachable.behaviours.library import SHIPPED
 from coachable.behaviours.notation import pretty_name, pretty_predicate
 from coachable.behaviours.text.parser import parse
 from coachable.behaviours.text.printer import to_text
-from coachable.diagram.draw import automaton_svg
+from coachable.diagram.draw import MOST_PHASES, automaton_svg
 from coachable.diagram.layout import Ring, drawing_order
 from coachable.diagram.plain_text import automaton_dot
 from tests.behaviours.random_behaviours import built, expressions, predicates, recipe
@@ -271,3 +271,17 @@ def test_the_command_draws_the_reward(tmp_path, capsys):
     out = tmp_path / "reward.svg"
     run(capsys, "compass-walking", "--reward", "equation", "-o", str(out))
     assert "variant equation" in out.read_text(encoding="utf-8")
+
+
+def test_more_phases_than_anybody_could_read_are_not_drawn(tmp_path, capsys):
+    number = MOST_PHASES + 1
+    bands = "".join(f"  P{i}: x >= {i}, x < {i + 1}\n" for i in range(number))
+    file = tmp_path / "bands.behaviour"
+    file.write_text(f'behaviour "bands & more"\n\nsignals\n  x [m] place\n\nphases\n{bands}')
+    svg = automaton_svg(load_behaviour(file))
+    assert f"bands &amp; more: {number} phases" in svg
+    ET.fromstring(svg)
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["draw", str(file), "-o", str(tmp_path / "bands.svg")])
+    assert (stopped.value.code, f"{number} phases" in capsys.readouterr().err) == (2, True)
+    assert not (tmp_path / "bands.svg").exists()

@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+import math
 
 import numpy as np
 import pytest
@@ -98,3 +99,9 @@ def test_unknown_names_are_refused():
     unchecked = inspect.unwrap(baseline)  # as users have it, without the tests' type checks
     with pytest.raises(ParameterError, match=r"'virtual-gravty'.*virtual-gravity"):
         unchecked("virtual-gravty")
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, math.nan, math.inf, 1e308])
+def test_a_walk_without_an_end_is_refused_before_it_begins(seconds):
+    with pytest.raises(ParameterError, match="seconds must be"):
+        baseline("virtual-gravity", seconds=seconds)

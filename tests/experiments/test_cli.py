@@ -81,6 +81,12 @@ def test_every_command_has_help_with_an_example(capsys, name):
         (["watch", "fall.json", "--setup", "orthant", "-o", "gait.gif"], ["--setup", "fall.json is given"]),
         (["watch", "nowhere", "--seconds", "0", "-o", "gait.png"], ["seconds must be greater than zero"]),
         (["record", "nowhere", "--episode", "-1", "-o", "walk.csv"], ["counted from 0"]),
+        (["watch", "nowhere", "--seconds", "1e308", "-o", "gait.png"], ["seconds must be from"]),
+        (["record", "nowhere", "--episode", str(10**30), "-o", "walk.csv"], ["at most 1,000,000"]),
+        (["gait", "nowhere", "--episodes", str(10**12)], ["episodes must be at most"]),
+        (["explain", "compass-walking", "nowhere.csv", "--limit", "-5"], ["limit must be at least 0"]),
+        (["train", "demo", "--steps", str(10**30)], ["steps must be"]),
+        (["train", "demo", "--seeds", "2000000000"], ["setups times seeds"]),
         (["gait", "nowhere", "--speed", "nan"], ["speed must be a finite number"]),
         (["gait", "nowhere", "-o", "gaits.md"], ["gaits.md", "give a folder"]),
         (["table", "nowhere", "-o", "table.md"], ["table.md", "give a folder"]),
@@ -94,6 +100,8 @@ def test_every_command_has_help_with_an_example(capsys, name):
         (["explain", "compass-walking", "nowhere.csv", "-o", "x.txt"], ["x.txt", ".csv"]),
         (["report"], ["RUN"]),
         (["report", "nowhere", "-o", "x.html"], ["nowhere is not a folder"]),
+        (["report", "[/red]", "-o", "x.html"], ["[/red] is not a folder"]),
+        (["verify", "[/red]"], ["[/red] is not a folder"]),
         (["report", "nowhere", "-o", "x.pdf"], ["x.pdf", ".html, .md", "folder"]),
         (["baseline", "gravity"], ["the compass walker has no baseline 'gravity'", "'virtual-gravity'"]),
         (["baseline", "virtual-gravity:slop=1"], ["no setting 'slop'", "'slope'"]),
@@ -349,3 +357,31 @@ def test_format_lays_out_in_place_and_leaves_what_has_mistakes(capsys, tmp_path)
         "b.behaviour",
         "link.behaviour",
     ]
+
+
+def test_a_description_is_not_drawn_over_itself(capsys, tmp_path):
+    file = tmp_path / "mine.svg"
+    file.write_text(PRETTY)
+    _, err, status = run(capsys, "draw", file, "-o", file)
+    assert (status, "give another file" in err, file.read_text()) == (2, True, PRETTY)
+
+
+def test_a_program_whose_output_is_closed_ends_without_a_traceback(monkeypatch):
+    monkeypatch.setattr(sys, "stdout", None)
+    cli.main(["cite"])
+
+
+def test_modules_of_the_current_folder_are_found_but_hide_no_others(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [entry for entry in sys.path if entry])
+    run(capsys, "cite")
+    assert sys.path[-1] == str(tmp_path)
+
+
+def test_what_is_nested_too_deeply_is_a_sentence(capsys, monkeypatch):
+    def deep():
+        raise RecursionError
+
+    monkeypatch.setitem(cli.COMMANDS, "cite", deep)
+    _, err, status = run(capsys, "cite")
+    assert (status, err) == (2, "coachable: something that was given is nested too deeply to be read\n")

@@ -1,5 +1,6 @@
 """A plan survives being written, says what is wrong with it, and knows what its semantics imply."""
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,7 +11,9 @@ from coachable.envs.problem import EnvironmentProblem, PlantProblem
 from coachable.experiments.experiment import Experiment, differences
 from coachable.experiments.plan import (
     load_plan,
+    modules_named,
     parse_plan,
+    require_trusted,
     shipped_plans,
     shipped_settings,
     trainer_settings,
@@ -334,3 +337,58 @@ def test_without_stable_baselines3_the_error_names_the_extra(monkeypatch):
     experiment = parse_plan(ENVIRONMENT, "mine.toml")
     with pytest.raises(PlanError, match=r"pip install 'coachable\[sb3\]'"):
         experiment.trainer.check(experiment)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"steps": 10**30}, "steps must be"),
+        ({"steps": 1e30}, "steps must be a whole number"),
+        ({"steps": 1.5}, "steps must be a whole number"),
+        ({"seeds": 2_000_000_000}, "setups times seeds must be at most 100,000"),
+        ({"seeds": 1.0}, "seeds.count must be a whole number"),
+        ({"settings": {"n_steps": 10**12}}, "n_steps must be at most 10,000,000"),
+        ({"settings": {"hidden_sizes": [10**9, 64]}}, "hidden_sizes must be at most 10,000"),
+        ({"settings": {"learning_rate": 10**400}}, "learning_rate must be a number"),
+        ({"setups": {"m" * 300: {}}}, "must have at most 100 letters"),
+        ({"name": "n" * 101}, "must have at most 100 letters"),
+        ({"setups": {"mine": {"orthant": 10**400}}}, "orthant must be a"),
+    ],
+)
+def test_what_would_take_all_memory_or_time_is_refused_before_any_work(options, said):
+    with pytest.raises(PlanError) as refused:
+        load_plan("demo", **options)
+    assert said in str(refused.value)
+
+
+def test_a_plan_takes_the_whole_numbers_of_numpy():
+    plan = load_plan("demo", steps=np.int64(4096), seeds=np.int32(2), settings={"n_steps": np.int64(1024)})
+    assert plan == load_plan("demo", steps=4096, seeds=2, settings={"n_steps": 1024})
+    assert type(plan.steps) is int
+    assert parse_plan(plan.to_toml(), "again") == plan
+
+
+def test_a_plan_from_elsewhere_names_what_it_would_import(tmp_path, monkeypatch):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    text = 'name = "x"\ntrainer = "thirdparty.trainers:Mine"\n[plant]\nkind = "robots:Hopper"\n'
+    for place in (tmp_path, tmp_path / "here"):
+        (place / "plan.toml").write_text(text)
+        (place / "plain.toml").write_text('name = "x"\nsteps = 3\n')
+    (tmp_path / "here" / "link.toml").symlink_to(tmp_path / "plan.toml")
+    assert require_trusted("plan.toml") == ("thirdparty.trainers", "robots")
+    assert require_trusted(tmp_path / "plain.toml") == require_trusted("demo") == ()
+    for path in ("../plan.toml", tmp_path / "plan.toml", "link.toml"):
+        with pytest.raises(PlanError, match=r"names thirdparty\.trainers, robots.*--trust"):
+            require_trusted(path)
+
+
+def test_modules_are_found_wherever_a_plan_names_them():
+    data = {
+        "env": "mymodule:Line-v0",
+        "signals": {"x": "sensors:height", "y": {"info": "a.b"}},
+        "setups": {"mine": {"reward_variant": {"form": "forms:Mine", "bonus": 1}}},
+        "behaviour": "c:walk.behaviour",
+    }
+    assert modules_named(data) == ("mymodule", "sensors", "forms")
+    assert modules_named({"env": "coachable.envs:coachable/CompassWalker-v0"}) == ()

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
 import pytest
 from cattrs import ClassValidationError
 from hypothesis import given
@@ -16,12 +17,15 @@ from coachable.foundation.data import (
     json_text,
     parse_json,
     parse_toml,
+    plain,
+    real_number,
     structure,
     structure_given,
     toml_text,
     unstructure,
+    whole_number,
 )
-from coachable.foundation.errors import ParameterError, PlanError, RunFolderError
+from coachable.foundation.errors import CoachableError, ParameterError, PlanError, RunFolderError
 
 
 @dataclass(frozen=True)
@@ -197,3 +201,65 @@ def test_text_that_is_not_toml_is_refused(document):
 def test_text_that_is_no_json_object_is_refused(document):
     with pytest.raises(RunFolderError, match=r"x\.json is damaged: "):
         parse_json(document, "x.json", RunFolderError)
+
+
+class _Refused(CoachableError):
+    pass
+
+
+def test_numbers_of_numpy_are_numbers():
+    assert whole_number(np.int64(3), "steps", _Refused) == 3
+    assert type(whole_number(np.uint8(3), "steps", _Refused)) is int
+    assert real_number(np.float32(0.5), "weight", _Refused) == 0.5
+    assert structure(tuple[int, float], (np.int32(1), np.int64(2)), "mine", _Refused) == (1, 2.0)
+    assert plain({"a": [np.int64(1), (np.float64(0.5), np.bool_(True))], "b": np.arange(2)}) == {
+        "a": [1, (0.5, True)],
+        "b": [0, 1],
+    }
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (1.5, "a whole number, at least 1, got 1.5"),
+        (3.0, "a whole number"),
+        (True, "a whole number"),
+        (np.bool_(True), "a whole number"),
+        ("3", "a whole number"),
+        (None, "a whole number"),
+        (0, "at least 1, got 0"),
+        (10**9 + 1, "at most 1,000,000,000, got 1000000001"),
+        pytest.param(10**5000, "at most 1,000,000,000, got one of some 5,000 digits", id="huge"),
+    ],
+)
+def test_a_whole_number_is_refused_in_a_sentence(value, said):
+    with pytest.raises(_Refused) as refused:
+        whole_number(value, "steps", _Refused, 1, 10**9)
+    assert str(refused.value).startswith("steps must be ")
+    assert said in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (math.nan, "a finite number, got nan"),
+        (math.inf, "a finite number, got inf"),
+        (10**400, "a finite number, got one of some 400 digits"),
+        ("1", "a finite number"),
+        (False, "a finite number"),
+        (0.0, "greater than zero"),
+        (1e308, "from -inf to 3600"),
+    ],
+)
+def test_a_number_is_refused_in_a_sentence(value, said):
+    with pytest.raises(_Refused) as refused:
+        real_number(value, "seconds", _Refused, above=0, most=3600)
+    assert said in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("kind", "value"), [pytest.param(int, 10**5000, id="huge"), (int, 2**63), (float, 10**400)]
+)
+def test_a_number_that_no_machine_holds_is_refused(kind, value):
+    with pytest.raises(_Refused, match="mine: it must be a"):
+        structure(kind, value, "mine", _Refused)

@@ -4,12 +4,23 @@ import errno
 import os
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from coachable.experiments.plan import load_plan
 from coachable.experiments.run_folder.schemas import schemas
-from coachable.foundation.errors import PlanError, RunFolderError
-from coachable.foundation.files import hash_of, read_bytes, read_text, write_atomic
+from coachable.foundation import tables
+from coachable.foundation.errors import CoachableError, PlanError, RunFolderError
+from coachable.foundation.files import (
+    hash_of,
+    make_folder,
+    read_bytes,
+    read_text,
+    require_no_input,
+    write_atomic,
+    written_beside,
+)
 from coachable.foundation.tables import table_bytes, table_from, table_of
 
 SCHEMAS = schemas(load_plan("paper").problem)
@@ -41,6 +52,95 @@ def test_a_full_disk_is_told_with_the_file(tmp_path, monkeypatch):
     with pytest.raises(FileNotFoundError) as raised:
         write_atomic(tmp_path / "nowhere" / "plan.toml", "new")
     assert raised.value.filename == str(tmp_path / "nowhere" / "plan.toml")
+
+
+@pytest.mark.parametrize("place", ["link.txt", "dangling.txt", "hard.txt"])
+def test_a_link_is_replaced_and_never_written_through(tmp_path, place):
+    victim = tmp_path / "victim.txt"
+    victim.write_text("mine")
+    (tmp_path / "link.txt").symlink_to(victim)
+    (tmp_path / "dangling.txt").symlink_to(tmp_path / "nowhere.txt")
+    os.link(victim, tmp_path / "hard.txt")
+    write_atomic(tmp_path / place, "new")
+    assert (tmp_path / place).read_text() == "new"
+    assert not (tmp_path / place).is_symlink()
+    assert victim.read_text() == "mine"
+    assert not (tmp_path / "nowhere.txt").exists()
+
+
+def test_what_is_no_file_is_not_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe.txt")
+    (tmp_path / "folder.txt").mkdir()
+    for name in ("pipe.txt", "folder.txt"):
+        with pytest.raises(OSError, match=r"not a regular file|Is a directory") as raised:
+            write_atomic(tmp_path / name, "new")
+        assert raised.value.filename == str(tmp_path / name)
+    assert sorted(os.listdir(tmp_path)) == ["folder.txt", "pipe.txt"]
+
+
+def test_a_body_that_fails_leaves_the_old_file(tmp_path):
+    path = tmp_path / "film.gif"
+    path.write_text("old")
+
+    def fail(failure):
+        with written_beside(path) as beside:
+            beside.write_text("half")
+            raise failure
+
+    for failure in (KeyboardInterrupt(), ValueError("half"), OSError("no error number")):
+        with pytest.raises(type(failure)):
+            fail(failure)
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["film.gif"]
+
+
+def test_a_name_of_any_length_that_the_system_takes_can_be_written(tmp_path):
+    write_atomic(tmp_path / ("n" * 251 + ".svg"), "new")
+
+
+def test_a_folder_of_output_is_no_link(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "passports").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(RunFolderError, match="passports is a link"):
+        make_folder(tmp_path, "passports")
+    assert make_folder(make_folder(tmp_path, "policies").parent, "policies").is_dir()
+
+
+def test_an_output_is_no_input(tmp_path):
+    run, trace = tmp_path / "run", tmp_path / "trace.csv"
+    for folder in (run, run / "policies"):
+        folder.mkdir()
+    for file in (trace, run / "manifest.json", run / "plan.toml"):
+        file.write_text("")
+    (tmp_path / "same.csv").symlink_to(trace)
+    for out in (
+        trace,
+        tmp_path / "same.csv",
+        tmp_path / "run" / ".." / "trace.csv",
+        run / "plan.toml",
+        run / "gaits.parquet",
+        run / "policies" / "walk.csv",
+    ):
+        with pytest.raises(CoachableError, match="give another file"):
+            require_no_input(out, trace, run)
+    for out in (None, run / "report.html", tmp_path / "phases.csv", tmp_path / "plan.toml"):
+        require_no_input(out, trace, run)
+
+
+@pytest.mark.parametrize("name", ["pipe", "zeros", "folder", "large"])
+def test_only_regular_files_of_bounded_size_are_read(tmp_path, name):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "zeros").symlink_to("/dev/zero")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "large").write_bytes(bytes(11))
+    with pytest.raises(RunFolderError, match=f"{name} cannot be read: it (is not a regular file|has more)"):
+        read_bytes(tmp_path / name, most=10)
+    with (tmp_path / "sparse").open("wb") as file:
+        file.truncate(1 << 40)
+    with pytest.raises(RunFolderError, match="it has more than"):
+        read_text(tmp_path / "sparse")
+    (tmp_path / "link").symlink_to(tmp_path / "large")
+    assert len(read_bytes(tmp_path / "link")) == 11
 
 
 def test_a_missing_and_a_changed_file_are_named(tmp_path):
@@ -75,6 +175,26 @@ def test_a_table_comes_back_with_its_types_and_units(tmp_path):
         table_from(data[: len(data) // 2], path, schema)
     with pytest.raises(RunFolderError, match=r"survival\.parquet lacks the column 'step'"):
         table_from(data, path, SCHEMAS["evaluations"])
+
+
+def test_a_table_that_unpacks_to_more_than_the_memory_is_refused(tmp_path):
+    path = tmp_path / "survival.parquet"
+    schema = pa.schema([("lane", pa.string())])
+
+    def packed(texts, rows):
+        sink = pa.BufferOutputStream()
+        column = pa.DictionaryArray.from_arrays(pa.array(np.zeros(rows, np.int32)), pa.array(texts))
+        pq.write_table(pa.table({"lane": column.cast(pa.string())}), sink, compression="zstd")
+        return sink.getvalue().to_pybytes()
+
+    many = packed(["orthant-0"], 200_000)
+    assert len(table_from(many, path, schema)) == 200_000
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tables, "MOST_BYTES", 1_000_000)
+        with pytest.raises(RunFolderError, match=r"survival\.parquet cannot be read: it unpacks to"):
+            table_from(many, path, schema)
+        with pytest.raises(RunFolderError, match="the texts in its column 'lane' are too long"):
+            table_from(packed(["x" * 20_000], 100), path, schema)
 
 
 def test_nullable_columns_may_be_missing_from_an_older_table_and_nan_is_null(tmp_path):

@@ -1,12 +1,17 @@
 """A policy survives a round trip through its tensors and description; a bad one is refused with a reason."""
 
 import json
+import math
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from safetensors.numpy import save
 
+from coachable.analysis.table import diverged_lanes
+from coachable.experiments.plan import load_plan
+from coachable.experiments.run_folder.reader import Run
 from coachable.foundation.errors import RunFolderError
 from coachable.learning.networks import initial_networks
 from coachable.learning.policy import Policy
@@ -59,3 +64,46 @@ def test_a_damaged_policy_is_refused_with_what_is_wrong():
         Policy.of(tensors, description | {"squashing": "sigmoid"})
     with pytest.raises(RunFolderError, match="not all finite"):
         Policy.of(tensors | {"layer_1.bias": np.full(16, np.nan, np.float32)}, description)
+
+
+@pytest.mark.parametrize(
+    ("layers", "tensors", "said"),
+    [
+        ([], {}, "layers must be two or more"),
+        ([4], {}, "layers must be two or more"),
+        ([4, 0, 2], {}, "layers must be two or more"),
+        (None, {}, "layers must be two or more"),
+        ([4, 10**30], {}, "layers should be"),
+        (None, {"low": np.zeros(2, int)}, "layers"),
+        ([4, 16, 8, 2], {"low": np.zeros(2, int)}, "low is int64"),
+        ([4, 16, 8, 2], {"layer_1.weight": np.zeros((16, 4, 1))}, "layer_1.weight is float64"),
+        ([4, 16, 8, 2], {"layer_1.weight": np.zeros((0, 4))}, "layers should be"),
+    ],
+)
+def test_a_foreign_network_is_refused_in_a_sentence(layers, tensors, said):
+    policy = some_policy()
+    with pytest.raises(RunFolderError, match=said):
+        Policy.of(policy.tensors() | tensors, policy.description() | {"layers": layers})
+
+
+def test_numbers_that_numpy_does_not_have_are_refused_in_a_sentence(tmp_path):
+    header = json.dumps({"x": {"dtype": "BF16", "shape": [1], "data_offsets": [0, 2]}}).encode()
+    (tmp_path / "policies").mkdir()
+    file = tmp_path / "policies" / "sparse-0-last.safetensors"
+    file.write_bytes(len(header).to_bytes(8, "little") + header + bytes(2))
+    file.with_suffix(".json").write_text("{}")
+    run = Run(tmp_path, load_plan("demo", setups=["sparse"], seeds=1), {"files": {}})
+    for read in (run.diverged, lambda: run.policy("sparse", 0)):
+        with pytest.raises(RunFolderError, match=r"sparse-0-last\.safetensors is damaged"):
+            read()
+
+
+def test_a_lane_whose_weights_are_not_finite_is_named(tmp_path):
+    run = Run(tmp_path, load_plan("demo", setups=["sparse"], seeds=2), {"files": {}})
+    (tmp_path / "policies").mkdir()
+    for seed, weight in enumerate((1.0, math.nan)):
+        file = tmp_path / "policies" / f"sparse-{seed}-last.safetensors"
+        file.write_bytes(save({"layer_1.weight": np.array([[weight]])}))
+    assert [lane.name for lane in run.diverged()] == ["sparse-1"]
+    (sentence,) = diverged_lanes(run)
+    assert "sparse-1 diverged" in sentence

@@ -156,11 +156,17 @@ def test_we_know_how_often_their_weights_change(trainer):
         ("sb3-sac", {"batch_size": 0}, "batch_size must be at least 1"),
         ("sb3-sac", {"target_update_interval": 0}, "target_update_interval must be at least 1"),
         ("sb3-td3", {"policy_delay": 0}, "policy_delay must be at least 1"),
-        ("sb3-ppo", {"normalize": {"norm_reward": False}}, "normalize must be like False"),
+        ("sb3-ppo", {"normalize": 1}, "normalize must be like False"),
+        ("sb3-ppo", {"normalize": {"norm_rewards": False}}, "'norm_reward'"),
+        ("sb3-ppo", {"normalize": {"norm_obs": 1}}, "norm_obs must be true or false"),
+        ("sb3-ppo", {"learning_rate": "lin_fast"}, "learning_rate after lin_ must be a finite number"),
+        ("sb3-ppo", {"learning_rate": "exp_0.1"}, "a number, or lin_ and a number"),
+        ("sb3-sac", {"buffer_size": 10**12}, "buffer_size must be at most 100,000,000"),
+        ("sb3-sac", {"learning_rate": float("inf")}, "learning_rate must be a finite number"),
         ("sb3-td3", {"noise_std": "a"}, "noise_std must be like"),
         ("sb3-td3", {"action_noise": "normal"}, "no setting .action_noise."),
-        ("sb3-sac", {"use_sde": True}, "no policy's file can say"),
-        ("sb3-ppo", {"policy_kwargs": {"squash_output": True}}, "no policy's file can say"),
+        ("sb3-sac", {"use_sde": True}, "no policy file can hold"),
+        ("sb3-ppo", {"policy_kwargs": {"squash_output": True}}, "no policy file can hold"),
     ],
 )
 def test_a_setting_it_does_not_have_or_cannot_keep_is_refused(trainer, settings, message):
@@ -266,3 +272,27 @@ def test_an_episode_is_logged_with_the_update_after_its_rollout():
     for name in DIAGNOSTICS:
         expected = np.repeat([update[name] for update in updates], 32)  # every step ends an episode
         np.testing.assert_array_equal(columns[name], expected, err_msg=name)
+
+
+def test_the_habits_of_the_zoo_are_understood():
+    settings = {
+        "learning_rate": "lin_0.0003",
+        "clip_range": "lin_0.2",
+        "normalize": {"norm_obs": True, "norm_reward": False},
+        "n_steps": 8,
+        "batch_size": 4,
+    }
+    check_settings("sb3-ppo", settings)
+    learner = Learner("sb3-ppo", lambda: gymnasium.make("Pendulum-v1"), settings, 0)
+    model = learner._model
+    assert [model.lr_schedule(left) for left in (1.0, 0.5, 0.0)] == [0.0003, 0.00015, 0.0]
+    assert model.clip_range(0.5) == 0.1
+    assert (model.get_vec_normalize_env().norm_obs, model.get_vec_normalize_env().norm_reward) == (
+        True,
+        False,
+    )
+    assert learner._scaling()
+    unscaled = Learner(
+        "sb3-ppo", lambda: gymnasium.make("Pendulum-v1"), {"normalize": {"norm_obs": False}}, 0
+    )
+    assert not unscaled._scaling()

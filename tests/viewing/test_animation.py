@@ -6,11 +6,12 @@ import pytest
 from PIL import Image, ImageSequence
 
 from coachable.drawing.stage import SIZE
-from coachable.foundation.errors import CoachableError, MissingExtraError
+from coachable.foundation.errors import CoachableError, MissingExtraError, ParameterError
 from coachable.foundation.style import STANCE, SWING, phase_colours
 from coachable.plants.compass import CompassParameters
 from coachable.viewing.animation import animate
 from coachable.viewing.scene import Scene, SideBySide
+from coachable.viewing.watch import draw_motions
 
 
 @pytest.fixture(scope="module")
@@ -136,3 +137,28 @@ def test_a_single_sample_and_long_legs_are_filmed(until, columns, motion_of, pha
     long = motion_of(columns, CompassParameters(a=2.0, hip_mass=0.1)).part(0, 21)
     animate({"": long}, tmp_path / "long.gif", phases)
     assert len(list(frames_of(tmp_path / "long.gif"))) == 5
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3])
+def test_a_walk_that_ends_within_a_microsecond_is_filmed_and_drawn(
+    columns, motion_of, phases, tmp_path, samples
+):
+    short = {name: column[:samples] for name, column in columns.items()}
+    short["t"] = 1e-9 * np.arange(samples)
+    for suffix in (".gif", ".png"):
+        draw_motions({"": motion_of(short)}, tmp_path / f"moment{suffix}", phases)
+        with Image.open(tmp_path / f"moment{suffix}") as picture:
+            picture.load()
+
+
+def test_a_walk_without_a_finite_sample_is_a_sentence(columns, motion_of):
+    nothing = {name: np.full_like(column, np.nan, float) for name, column in columns.items()}
+    nothing["phase"] = columns["phase"]
+    with pytest.raises(ParameterError, match="nothing to draw"):
+        motion_of(nothing)
+
+
+def test_legs_much_lighter_than_the_body_are_filmed(columns, motion_of, phases, tmp_path):
+    heavy = motion_of(columns, CompassParameters(hip_mass=1e4)).part(0, 81)
+    for suffix in (".gif", ".png"):
+        draw_motions({"": heavy}, tmp_path / f"heavy{suffix}", phases)

@@ -25,6 +25,7 @@ from coachable.analysis.statistics import LATE_STEPS, Band, mean_curve
 from coachable.analysis.table import COLUMNS, as_markdown, rendered
 from coachable.experiments.experiment import Experiment
 from coachable.foundation.errors import RunFolderError
+from coachable.foundation.files import write_atomic
 from coachable.foundation.style import INK, STANCE, SWING, save
 
 Values = Callable[[Measurements, SetupRuns], np.ndarray]
@@ -218,7 +219,7 @@ def tell_comparison(studies: Mapping[str, Measurements], folder: Path) -> None:
             save(figure, written[-1])
     console.print(NOTE, style="dim italic", highlight=False)
     written.append(folder / "comparison.md")
-    written[-1].write_text("\n\n".join([*pieces, NOTE]) + "\n", encoding="utf-8")
+    write_atomic(written[-1], "\n\n".join([*pieces, NOTE]) + "\n")
     for path in written:
         print(f"wrote {path}")
 

@@ -15,6 +15,7 @@ from rich.text import Text
 from coachable.analysis.intervals import Estimate, estimate, mean
 from coachable.analysis.sections import Section
 from coachable.experiments.run_folder.reader import Run
+from coachable.foundation.files import write_atomic
 
 _COLUMNS = 100
 
@@ -164,7 +165,7 @@ def print_table(
     console.print(note, style="dim italic", highlight=False)
     path.parent.mkdir(parents=True, exist_ok=True)
     lines = ["| " + " | ".join(row) + " |" for row in (header, ["---"] * len(header), *rows)]
-    path.write_text(f"# {title}\n\n" + "\n".join(lines) + f"\n\n{note}\n", encoding="utf-8")
+    write_atomic(path, f"# {title}\n\n" + "\n".join(lines) + f"\n\n{note}\n")
     return path
 
 

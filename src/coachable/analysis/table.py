@@ -13,6 +13,9 @@ from rich.text import Text
 from coachable.analysis.claims import Verdict
 from coachable.analysis.measurements import Measurements
 from coachable.analysis.sections import PAPER, Section, heading, sections
+from coachable.experiments.run_folder.reader import Run
+from coachable.foundation.errors import RunFolderError
+from coachable.foundation.files import write_atomic
 
 COLUMNS = 100
 """Width of the table where nobody says how wide the page is."""
@@ -50,8 +53,21 @@ def markdown_of(runs: Measurements, said: Sequence[Section]) -> str:
 def write_markdown(runs: Measurements, folder: Path) -> Path:
     """Write the table as `table.md` into a folder that is there; returns its path."""
     path = folder / "table.md"
-    path.write_text(markdown(runs), encoding="utf-8")
+    write_atomic(path, markdown(runs))
     return path
+
+
+def diverged_lanes(run: Run) -> tuple[str, ...]:
+    """A sentence on lanes whose training diverged, or on a policy that cannot be read; else nothing."""
+    try:
+        lanes = ", ".join(lane.name for lane in run.diverged())
+    except RunFolderError as error:
+        return (str(error),)
+    if not lanes:
+        return ()
+    return (
+        f"The training of {lanes} diverged: weights are not finite. Try a smaller learning rate or reward.",
+    )
 
 
 def rendered(section: Section) -> list[RenderableType]:

@@ -18,6 +18,7 @@ from coachable.automata.trace_file import read_trace
 from coachable.automata.violation import Violation
 from coachable.behaviours.behaviour import Behaviour, Edge
 from coachable.foundation.errors import TraceError
+from coachable.foundation.files import written_beside
 
 
 @dataclass(frozen=True)
@@ -183,7 +184,7 @@ def _phase_writer(
         return
     names = np.array([*behaviour.phase_names, ""], object)
     schema = pa.schema([("t [s]", pa.float64()), ("phase", pa.string())])
-    with path.open("wb") as file, pa_csv.CSVWriter(file, schema) as writer:
+    with written_beside(path) as beside, beside.open("wb") as file, pa_csv.CSVWriter(file, schema) as writer:
         yield lambda times, locations: writer.write_batch(
             pa.record_batch([pa.array(times), pa.array(names[locations], pa.string())], schema)
         )

@@ -19,6 +19,7 @@ from pyarrow import csv as pa_csv
 from coachable.automata.trace import Trace, require_increasing
 from coachable.behaviours.predicates import Signal
 from coachable.foundation.errors import TraceError
+from coachable.foundation.files import written_beside
 from coachable.foundation.suggestion import suggestion
 
 TIME_NAMES = ("t", "time")
@@ -81,13 +82,14 @@ def write_trace(path: Path, trace: Trace) -> None:
     }
     table = pa.table(columns)
     try:
-        if _is_parquet(path):
-            pq.write_table(table, path)
-        else:
-            with pa.output_stream(str(path), compression="detect") as stream:
-                pa_csv.write_csv(table, stream)
+        with written_beside(path) as beside:
+            if _is_parquet(path):
+                pq.write_table(table, beside)
+            else:
+                with pa.output_stream(str(beside), compression=_compression(path)) as stream:
+                    pa_csv.write_csv(table, stream)
     except OSError as error:
-        raise TraceError(f"{path}: cannot be written: {_first_line(error)}") from None
+        raise TraceError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def require_trace_file(path: Path) -> None:
@@ -155,6 +157,10 @@ def _columns(
 
 def _is_parquet(path: Path) -> bool:
     return path.suffix.lower() in (".parquet", ".pq")
+
+
+def _compression(path: Path) -> str | None:
+    return {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd"}.get(path.suffix)
 
 
 def _parquet_names(path: Path) -> list[str]:

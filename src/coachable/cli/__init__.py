@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 import os
 import shlex
@@ -40,6 +41,7 @@ _STYLE = (tyro.conf.FlagCreatePairsOff,)
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; exits 2 after a user's mistake, 130 after Ctrl-C."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
+    _set_up()
     try:
         _run(arguments)
         sys.stdout.flush()
@@ -50,6 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # Whoever read has enough, as `head` has; nobody is left to be told.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+    except RecursionError:
+        print("coachable: something that was given is nested too deeply to be read", file=sys.stderr)
+        sys.exit(2)
     except OSError as error:
         if error.errno is None:
             raise
@@ -61,6 +66,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
         resumable = arguments[:1] == ["train"] or "--all" in arguments
         print("\nStopped." + (goes_on if resumable else ""), file=sys.stderr)
         sys.exit(130)
+
+
+def _set_up() -> None:
+    """Give a program whose output is closed one that goes nowhere, and let modules of the folder be found.
+
+    As last, so that no file in the folder takes the place of an installed module.
+    """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+    with contextlib.suppress(OSError):
+        here = os.getcwd()
+        if here not in sys.path:
+            sys.path.append(here)
 
 
 def _run(arguments: list[str]) -> None:

@@ -18,6 +18,7 @@ from coachable.cli.options import (
     print_json,
     require_suffix,
 )
+from coachable.foundation.data import whole_number
 from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
@@ -154,18 +155,26 @@ def draw(
         coachable draw compass-walking --reward stay -o reward.svg
         coachable draw compass-walking -o automaton.mmd
     """
-    from coachable.behaviours.library import load_behaviour
+    from coachable.behaviours.library import find_behaviour, load_behaviour
+    from coachable.foundation.files import require_no_input, write_atomic
 
     suffixes = _DRAWINGS if reward is None else _DRAWINGS[:2]
     suffix = require_suffix(out, suffixes)
+    file = find_behaviour(behaviour)
+    require_no_input(out, file, file.parent)
     described = load_behaviour(behaviour)
     if suffix in _DRAWINGS[2:]:
         from coachable.diagram.plain_text import automaton_dot, automaton_mermaid
 
         text = automaton_dot(described) if suffix == ".dot" else automaton_mermaid(described)
     elif reward is None:
-        from coachable.diagram.draw import automaton_svg
+        from coachable.diagram.draw import MOST_PHASES, automaton_svg
 
+        if (number := len(described.phases)) > MOST_PHASES:
+            raise CoachableError(
+                f"{behaviour} has {number} phases, and at most {MOST_PHASES} are drawn; "
+                "give x.dot or x.mmd, which name any number"
+            )
         text = automaton_svg(described)
     else:
         from coachable.rewards.picture import reward_svg
@@ -174,9 +183,9 @@ def draw(
     if suffix == ".png":
         from coachable.diagram.raster import svg_to_png
 
-        out.write_bytes(svg_to_png(text))
+        write_atomic(out, svg_to_png(text))
     else:
-        out.write_text(text, encoding="utf-8")
+        write_atomic(out, text)
     print(f"{out}: {described.name}")
 
 
@@ -246,7 +255,8 @@ def explain(
 
     from coachable.automata.explanation import as_json, as_text, explain_parts
     from coachable.automata.explanation import explain as watch_trace
-    from coachable.behaviours.library import load_behaviour
+    from coachable.behaviours.library import find_behaviour, load_behaviour
+    from coachable.foundation.files import require_no_input
 
     if out is not None:
         require_suffix(out, (".csv",))
@@ -262,8 +272,9 @@ def explain(
         )
     if is_run and dt is not None:
         raise CoachableError("--dt is for a file without times, and a run has its own; leave it out")
+    require_no_input(out, source, *([] if trace is None else [find_behaviour(behaviour)]))
     described = None if trace is None else load_behaviour(behaviour)
-    shown = None if all else limit
+    shown = None if all else whole_number(limit, "limit", CoachableError, 0)
     with Console(stderr=True).status("") as status:
         if is_run:
             from coachable.experiments.recorded_episodes import recorded_walk

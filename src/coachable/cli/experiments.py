@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -82,6 +83,9 @@ def train(
     allow_different_layout: Annotated[
         bool, arg(help="Go on with a run that was begun under other versions or on another machine.")
     ] = False,
+    trust: Annotated[
+        bool, arg(help="Import the modules that a plan from outside of the current folder names.")
+    ] = False,
 ) -> None:
     """Train an experiment, or go on with one, and print its table.
 
@@ -95,12 +99,15 @@ def train(
         coachable train --env Walker2d-v5 --behaviour walk.behaviour --settings ppo-walker2d --seeds 2
         coachable train --env coachable/CompassWalker-v0 --behaviour compass-walking --trainer sb3-ppo
     """
-    from coachable.experiments.plan import load_plan, trainer_settings
+    from coachable.experiments.plan import load_plan, require_trusted, trainer_settings
     from coachable.experiments.runner import run_experiment
     from coachable.foundation.errors import PlanError
 
     if plan is None and env is None:
         raise PlanError("train what? Give a plan, such as paper or demo, or --env and --behaviour")
+    for file in (plan, settings):
+        if file is not None and not trust and (modules := require_trusted(file)):
+            print(f"coachable: importing {', '.join(modules)}, as {file} says", file=sys.stderr)
     experiment = load_plan(
         plan,
         env=env,

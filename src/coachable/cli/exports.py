@@ -80,13 +80,15 @@ def export(
         coachable export compass-walking -o automaton.xml
     """
     suffix = require_suffix(out, (".onnx", *_WRITERS))
+    from coachable.foundation.files import require_no_input, write_atomic
+
+    if run is not None:
+        require_no_input(out, Path(run))
     if suffix == ".onnx":
         if baseline is not None or clock is not None:
             raise CoachableError(f"{out} holds a policy alone; leave out --baseline and --clock")
         _write_onnx(run, setup, seed, which, out)
         return
-    from coachable.foundation.files import write_atomic
-
     if run is not None and Path(run).is_dir():
         if baseline is not None:
             raise CoachableError("a run has policies of its own; leave out either the run or --baseline")
@@ -107,7 +109,8 @@ def _write_onnx(path: str | None, setup: str | None, seed: int | None, which: Wh
     if path is None:
         raise CoachableError("which policy? Give a run folder: coachable export runs/paper -o policy.onnx")
     run = open_run(path)
-    setup, seed = setup or run.experiment.setups[0].name, run.experiment.first_seed if seed is None else seed
+    lane = run.lane(setup, seed)
+    setup, seed = lane.setup, lane.seed
     write_atomic(out, onnx_bytes(run.policy(setup, seed, which)))
     print(f"{out}: {which} policy of {run.lane(setup, seed).name}")
 
@@ -129,7 +132,8 @@ def _lane(
             f"{path} was trained by the rules of the released code, in which a foot that passes backward "
             "counts as a touchdown; exports state the paper's"
         )
-    setup, seed = setup or run.experiment.setups[0].name, run.experiment.first_seed if seed is None else seed
+    lane = run.lane(setup, seed)
+    setup, seed = lane.setup, lane.seed
     policy = run.policy(setup, seed, which)
     name = f"{run.behaviour.name}, {which} policy of {run.lane(setup, seed).name}"
     return Model(name, run.behaviour, policy, problem.plant, clock or problem.clock)

@@ -40,7 +40,7 @@ def table(
     """
     from coachable.analysis.figures import draw_figures
     from coachable.analysis.measurements import measure, measure_so_far
-    from coachable.analysis.table import print_table, write_markdown
+    from coachable.analysis.table import diverged_lanes, print_table, write_markdown
     from coachable.experiments.run_folder.reader import open_run
 
     if json:
@@ -57,6 +57,8 @@ def table(
     if looks_ahead:
         print(f"The run is {opened.status}; this is what there is so far.")
     print_table(measured)
+    for sentence in diverged_lanes(opened):
+        print(sentence)
     folder = out or run
     for path in (*draw_figures(measured, folder), write_markdown(measured, folder)):
         print(f"wrote {path}")
@@ -134,13 +136,16 @@ def report(
         raise CoachableError("give at least one RUN: coachable report runs/paper")
     format = _format(out)
     from rich.console import Console
+    from rich.markup import escape
 
     from coachable.analysis.citation import citation
     from coachable.analysis.report.formats import write
 
     console = Console(stderr=True)
     with console.status("reading") as status:
-        written, problems = write(runs, out, format, bibtex=citation(), tell=status.update)
+        written, problems = write(
+            runs, out, format, bibtex=citation(), tell=lambda doing: status.update(escape(doing))
+        )
     for path in written:
         print(f"wrote {path}")
     for problem in problems:

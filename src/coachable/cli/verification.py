@@ -160,7 +160,7 @@ def _subjects(
         lanes = [lane for lane in opened.lanes if not chosen or lane.setup in chosen]
     else:
         first = plan.first_seed if seed is None else seed
-        lanes = [opened.lane(setup or plan.setups[0].name, first)]
+        lanes = [opened.lane(setup, first)]
     subjects = [lane_subject(opened, lane.setup, lane.seed, which) for lane in lanes]
     if not isinstance(problem, PlantProblem):
         return subjects, None

@@ -28,7 +28,9 @@ from coachable.cli.options import (
     refuse_out_with_json,
     require_folder,
 )
+from coachable.foundation.data import real_number, whole_number
 from coachable.foundation.errors import PlanError
+from coachable.foundation.files import require_no_input
 
 if TYPE_CHECKING:
     from coachable.behaviours.behaviour import Behaviour
@@ -71,8 +73,8 @@ def watch(
     from coachable.viewing.watch import draw_motions, require_drawable
 
     require_drawable(out)
-    if not seconds > 0:
-        raise PlanError(f"seconds must be greater than zero, got {seconds}")
+    require_no_input(out, Path(run))
+    real_number(seconds, "seconds", PlanError, above=0, most=3600)
     from coachable.experiments.walks import walk_of_baseline, walk_of_lane
 
     robot = plant_of_baseline(plant)
@@ -97,7 +99,7 @@ def watch(
         from coachable.experiments.run_folder.reader import open_run
 
         opened = open_run(run)
-        setup = setup or opened.experiment.setups[0].name
+        setup = opened.experiment.setups[0].name if setup is None else setup
         seeds = dict.fromkeys(seed or (opened.experiment.first_seed,))
         if not opened.experiment.problem.in_jax:
             _draw_robot(opened, setup, [*seeds], which, seconds, out)
@@ -191,11 +193,11 @@ def record(
     from coachable.experiments.recorded_episodes import recorded_walk
     from coachable.experiments.run_folder.reader import Run
 
-    if episode < 0:
-        raise PlanError(f"episodes are counted from 0, got {episode}")
+    whole_number(episode, "the episode, counted from 0,", PlanError, 0, 10**6)
     require_trace_file(out)
+    require_no_input(out, run)
     opened = Run.open(run)
-    setup = setup or opened.experiment.setups[0].name
+    setup = opened.experiment.setups[0].name if setup is None else setup
     seed = opened.experiment.first_seed if seed is None else seed
     walk = recorded_walk(opened, setup, seed, which, episode)
     write_trace(out, walk.trace)
@@ -232,10 +234,8 @@ def gait(
     from coachable.gaits.survey import survey
     from coachable.viewing.footfalls import footfalls
 
-    if episodes < 1:
-        raise PlanError(f"episodes must be at least 1, got {episodes}")
-    if not math.isfinite(speed):
-        raise PlanError(f"speed must be a finite number, got {speed}")
+    whole_number(episodes, "episodes", PlanError, 1, 10**5)
+    real_number(speed, "speed", PlanError)
     if json:
         refuse_out_with_json(out)
     require_folder(out)

@@ -52,6 +52,20 @@ _ATTEMPTS = 9
 _HEADING, _DESCRIPTIONS, _LONG_DESCRIPTION = 28, (34, 27, 21), 60
 
 
+MOST_PHASES = 150
+"""What is drawn at most: the time grows faster than the square of it, and nobody reads the picture."""
+
+
+def _too_many(behaviour: Behaviour) -> str:
+    words = safe(
+        f"{behaviour.name}: {len(behaviour.phases)} phases, more than the {MOST_PHASES} that are drawn"
+    )
+    return (
+        '<svg xmlns="http://www.w3.org/2000/svg" class="automaton" viewBox="0 0 800 60">'
+        f'<text x="24" y="36" font-family="sans-serif" font-size="14">{words}</text></svg>\n'
+    )
+
+
 def automaton_svg(behaviour: Behaviour, resets: Mapping[str, Mapping[str, str]] = RESETS) -> str:
     """The automaton of a behaviour as a self-contained SVG document.
 
@@ -60,9 +74,13 @@ def automaton_svg(behaviour: Behaviour, resets: Mapping[str, Mapping[str, str]] 
     carry an event show it with its reset. If the behaviour is one of the compass walker,
     each phase shows it. The card is white, to be read on any background.
 
+    A behaviour of more than `MOST_PHASES` is not drawn: the document says so.
+
     **Arguments:** `resets`: for each event, the value of each signal after it, for edges that have no
     reset of their own.
     """
+    if len(behaviour.phases) > MOST_PHASES:
+        return _too_many(behaviour)
     phases = {phase.name: phase for phase in behaviour.phases}
     order = drawing_order(behaviour)
     colours = {pretty_name(name): colour for name, colour in COLOURS.items()} if is_walker(behaviour) else {}

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from coachable.foundation.errors import ParameterError
 from coachable.plants.plant import Plant
 from coachable.plants.skeleton import Skeleton
 
@@ -43,6 +44,8 @@ class Motion:
         with np.errstate(all="ignore"):  # of samples that are left out
             points = plant.kinematics(states, foot_x)
         finite = np.isfinite(points).all(axis=(1, 2)) & np.isfinite(time) & np.isfinite(foot_x)
+        if not finite.any():
+            raise ParameterError("there is nothing to draw: no sample of the walk is finite")
         foot_x = foot_x[finite]
         return Motion(
             time=time[finite],

@@ -67,7 +67,7 @@ class Stage:
                 continue
             at, radius = self.place(points[skeleton.place(part.point)]), self._radius(part.mass)
             pen.disc(at, radius, colour)
-            if not skeleton.stands_first(part.leg, touchdowns):
+            if not skeleton.stands_first(part.leg, touchdowns) and radius > 3:
                 pen.disc(at, radius - 3, PAGE)
 
     def draw_ground(self, image: Image.Image, backdrop: Image.Image) -> None:

@@ -14,6 +14,7 @@ from jaxtyping import Array
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.rollout import Episode, Summary, Trajectory, rollout, summary
 from coachable.envs.walking_task import NO_BOX, WalkingTask, make_task
+from coachable.foundation.data import real_number
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.plants.controllers import with_settings
@@ -63,8 +64,9 @@ def baseline(
 
     **Arguments:** `controller_name`, as in `controller_of`; the others as in `make_task`.
 
-    Raises `ParameterError` for an unknown controller and what `make_task` raises.
+    Raises `ParameterError` for an unknown controller or more than 100,000 s, and what `make_task` raises.
     """
+    real_number(seconds, "seconds", ParameterError, least=0.01, most=100_000)
     with jax.enable_x64(True):
         setup = PAPER_SETUPS["sparse"]
         task = make_task(

@@ -15,6 +15,8 @@ from coachable.experiments.experiment import Experiment
 from coachable.experiments.plan import load_plan, with_options
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.runner import run_experiment
+from coachable.foundation.data import real_number
+from coachable.foundation.errors import ParameterError
 from coachable.plants.plant import Controller, Plant
 from coachable.plants.sampled import Clock
 from coachable.rewards.setup import PAPER_SETUPS, Semantics
@@ -63,9 +65,12 @@ def rollout(
     the policy's own, else `free`; `plant`, or its name; `behaviour`, whose phases the trajectory names, by
     default the one that ships for the plant.
 
+    **Raises:** `ParameterError` for more seconds than 100,000, and what `make_task` raises.
+
     **Returns:** NumPy arrays by name: time, state, control, foot, phase, and the reward's terms without
     weights.
     """
+    real_number(seconds, "seconds", ParameterError, least=0.01, most=100_000)
     task = make_task(
         PAPER_SETUPS["sparse"],
         semantics,

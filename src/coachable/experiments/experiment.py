@@ -11,7 +11,7 @@ from typing import Any, Literal
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.problem import PlantProblem, Problem, Setup
 from coachable.experiments.trainers.trainer import Trainer
-from coachable.foundation.data import toml_text
+from coachable.foundation.data import toml_text, whole_number
 from coachable.foundation.errors import PlanError
 from coachable.rewards.setup import RewardSetup
 
@@ -21,6 +21,15 @@ Which = Literal["last", "best"]
 EVALUATION_SEED = 1_000_000
 """Evaluations in Gymnasium environments start where no training does: episode i has this seed + i."""
 
+_BOUNDS = {
+    "steps": (1, 10**12),
+    "evaluate_every": (1, 10**12),
+    "evaluation_episodes": (1, 10**6),
+    "first_seed": (0, 2**31 - 1),
+    "num_seeds": (1, 2**31 - 1),
+}
+_MOST_LANES = 100_000
+_LONGEST_NAME = 100
 _NAME = re.compile(r"[A-Za-z0-9_+-]+")
 
 
@@ -61,16 +70,17 @@ class Experiment:
     num_seeds: int = 1
 
     def __post_init__(self) -> None:
-        least = {"steps": 1, "evaluate_every": 1, "evaluation_episodes": 1, "first_seed": 0, "num_seeds": 1}
-        for key, bound in least.items():
-            if getattr(self, key) < bound:
-                raise PlanError(f"{key} must be at least {bound}, got {getattr(self, key)}")
+        for key, (least, most) in _BOUNDS.items():
+            number = whole_number(getattr(self, key), key, PlanError, least, most)
+            object.__setattr__(self, key, number)
         names = [setup.name for setup in self.setups]
         if not names:
             raise PlanError("an experiment needs at least one setup")
         for name in (self.name, *names):
             if not _NAME.fullmatch(name):
                 raise PlanError(f"{name!r} must be made of letters, digits, '+', '-' and '_': it names files")
+            if len(name) > _LONGEST_NAME:
+                raise PlanError(f"{name[:20]}… names files, and must have at most {_LONGEST_NAME} letters")
         if repeated := sorted({name for name in names if names.count(name) > 1}):
             raise PlanError(f"the setup {repeated[0]!r} is there more than once")
         if reason := self.trainer.cannot_train(self.problem):
@@ -80,6 +90,9 @@ class Experiment:
         end = 2**31 if self.problem.in_jax else EVALUATION_SEED // 2
         if self.seeds.stop > end:
             raise PlanError(f"seeds must be less than {end:,}, got {self.seeds.stop - 1:,}")
+        lanes = len(names) * self.num_seeds
+        if lanes > _MOST_LANES:
+            raise PlanError(f"setups times seeds must be at most {_MOST_LANES:,}, got {lanes:,}")
 
     @property
     def behaviour(self) -> Behaviour:

@@ -18,7 +18,7 @@ from coachable.experiments.experiment import Experiment
 from coachable.experiments.trainers.ppo import PPO
 from coachable.experiments.trainers.stable_baselines3 import Algorithm, StableBaselines3
 from coachable.experiments.trainers.trainer import Trainer
-from coachable.foundation.data import parse_toml, structure_given
+from coachable.foundation.data import parse_toml, real_number, structure_given
 from coachable.foundation.errors import CoachableError, ParameterError, PlanError
 from coachable.foundation.files import read_text
 from coachable.foundation.suggestion import suggestion
@@ -39,6 +39,7 @@ _CHOICES = {
 }
 _SHIPPED = resources.files("coachable.experiments") / "plans"
 _SHIPPED_SETTINGS = resources.files("coachable.experiments") / "settings"
+_MODULE = re.compile(r"([A-Za-z_][A-Za-z0-9_.]*):[A-Za-z_]")
 _ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
 
 
@@ -97,6 +98,41 @@ def shipped_plans() -> list[str]:
 def shipped_settings() -> list[str]:
     """Names of the trainers' settings that come with the package."""
     return _names(_SHIPPED_SETTINGS)
+
+
+def modules_named(data: Any) -> tuple[str, ...]:
+    """The modules that a plan's tables name as `module:name`, and that resolving it imports."""
+    found: dict[str, None] = {}
+
+    def look(value: Any) -> None:
+        if isinstance(value, Mapping):
+            for each in value.values():
+                look(each)
+        elif isinstance(value, list | tuple):
+            for each in value:
+                look(each)
+        elif isinstance(value, str) and (match := _MODULE.match(value)):
+            found[match[1]] = None
+
+    look({key: value for key, value in data.items() if key not in ("name", "behaviour")})
+    return tuple(name for name in found if name.partition(".")[0] != "coachable")
+
+
+def require_trusted(name_or_path: str | Path) -> tuple[str, ...]:
+    """The modules that a plan's file names, if it lies in the current folder or below it.
+
+    **Raises:** `PlanError` for a file from elsewhere that names modules: importing them runs their code.
+    """
+    path = Path(name_or_path)
+    if not path.is_file():
+        return ()
+    modules = modules_named(parse_toml(read_text(path, error=PlanError), str(path), PlanError))
+    if modules and not path.resolve().is_relative_to(Path.cwd().resolve()):
+        raise PlanError(
+            f"{path} lies outside of the current folder and would run code of yours or of others: it names "
+            f"{', '.join(modules)}. Read it, and give --trust if it may import that"
+        )
+    return modules
 
 
 def load_plan(name_or_path: str | Path | None, **options: Any) -> Experiment:
@@ -326,7 +362,7 @@ def _setup(kind: type[Setup], name: str, weights: Any, source: str) -> Setup:
 def _weighted(setup: Setup, weight: float, source: str) -> Setup:
     if not isinstance(setup, DescribedSetup):
         raise PlanError(f"{source}: the weight of a plant's reward is in its setup's table")
-    return dataclasses.replace(setup, weight=float(weight))
+    return dataclasses.replace(setup, weight=real_number(weight, "weight", PlanError))
 
 
 def trainer_settings(name_or_path: str) -> dict[str, Any]:
@@ -347,7 +383,7 @@ def trainer_settings(name_or_path: str) -> dict[str, Any]:
 def _options(options: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """The layer of options that are given, as plan data."""
     given = {key: value for key, value in options.items() if value is not None}
-    if isinstance(given.get("seeds"), int):
+    if "seeds" in given and not isinstance(given["seeds"], Mapping):
         given["seeds"] = {"count": given["seeds"]}
     if "behaviour" in given:
         given["behaviour"] = str(given["behaviour"])

@@ -24,6 +24,7 @@ from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.run_folder.schemas import schemas
 from coachable.experiments.run_folder.writer import RunFolder
 from coachable.experiments.trainers.trainer import TrainedLanes, Work
+from coachable.foundation.data import whole_number
 from coachable.foundation.errors import MissingExtraError, PlanError
 
 SECONDS_BETWEEN_TABLES = 30.0
@@ -56,10 +57,12 @@ def run_experiment(
     and `RunFolderError` if the folder belongs to another plan, is damaged, or is being written by another
     process; `KeyboardInterrupt` after everything is saved.
     """
-    if workers is not None and workers < 1:
-        raise PlanError(f"workers must be at least 1, got {workers}")
+    if workers is not None:
+        workers = whole_number(workers, "workers", PlanError, 1, 1_000)
     if track and find_spec("tensorboardX") is None:
         raise MissingExtraError("--track tensorboard", "track")
+    evaluations = len(experiment.lanes) * (experiment.steps // experiment.evaluate_every)
+    whole_number(evaluations * experiment.evaluation_episodes, "episodes of evaluations", PlanError, 0, 10**8)
     trainer, workers = experiment.trainer, workers or num_cores()
     trainer.check(experiment)
     out = Path(out)

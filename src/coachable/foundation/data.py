@@ -1,8 +1,9 @@
 """Typed data across the boundary: TOML and JSON become values of declared types, and values become text.
 
 A dataclass is a table (an object in JSON). Kinds are strict: `true` and `"3"` are no numbers and `3.0` is no
-whole number, but a whole number is accepted where any number is. In JSON `NaN` is `null` and a complex number
-is a pair.
+whole number, but a whole number is accepted where any number is. NumPy's numbers are numbers, and whole ones
+have 64 bits at most; `whole_number` and `real_number` hold them within bounds. In JSON `NaN` is `null` and a
+complex number is a pair.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import numbers
 import tomllib
 import types
 import typing
@@ -96,6 +98,8 @@ def structure(
     converter = _converter(tuple(derived.items()))
     try:
         return converter.structure(data, kind)
+    except RecursionError:
+        raise error(f"{source}: {key or 'it'} is nested too deeply") from None
     except (_Misfit, BaseValidationError, CoachableError) as failure:
         where, reason = _innermost(failure, key)
         if isinstance(reason, _Misfit):
@@ -120,6 +124,10 @@ def structure_given(
     **Raises:** as `structure`, but not for a missing key.
     """
     fields = [field.name for field in dataclasses.fields(kind) if field.name not in without]
+    try:
+        data = plain(data)
+    except RecursionError:
+        raise error(f"{source}: {key or 'it'} is nested too deeply") from None
     if not isinstance(data, Mapping):
         raise error(f"{source}: {_WrongKind('a table of ' + ', '.join(fields), data).at(key)}")
     for name in data:
@@ -136,6 +144,68 @@ def unstructure(value: Any, derived: Derived = types.MappingProxyType({})) -> An
     return _converter(tuple(derived.items())).unstructure(value)
 
 
+def whole_number(value: Any, name: str, error: Raises, least: int = 0, most: int = 10**9) -> int:
+    """A whole number within bounds, NumPy's among them.
+
+    **Raises:** `error` naming it and its bounds.
+    """
+    number = _whole(value)
+    if number is None:
+        raise error(f"{name} must be a whole number, at least {least:,}, got {shown(value)}")
+    if number < least:
+        raise error(f"{name} must be at least {least:,}, got {shown(value)}")
+    if number > most:
+        raise error(f"{name} must be at most {most:,}, got {shown(value)}")
+    return number
+
+
+def real_number(
+    value: Any,
+    name: str,
+    error: Raises,
+    least: float = -math.inf,
+    most: float = math.inf,
+    above: float = -math.inf,
+) -> float:
+    """A finite number within bounds, NumPy's among them.
+
+    **Arguments:** `least` and `most`, which it may be; `above`, which it must exceed.
+
+    **Raises:** `error` naming it and what it must be.
+    """
+    number = real(value)
+    if number is None or not math.isfinite(number):
+        raise error(f"{name} must be a finite number, got {shown(value)}")
+    if number <= above:
+        raise error(
+            f"{name} must be greater than {'zero' if above == 0 else f'{above:g}'}, got {shown(value)}"
+        )
+    if not least <= number <= most:
+        raise error(f"{name} must be from {least:g} to {most:g}, got {shown(value)}")
+    return number
+
+
+def real(value: Any) -> float | None:
+    """The number, NumPy's among them, if it is one that a float can hold."""
+    if not isinstance(value, numbers.Real) or isinstance(value, bool):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return None
+
+
+def plain(data: Any) -> Any:
+    """Data with Python's own numbers and lists in place of NumPy's, however deep they lie."""
+    if hasattr(data, "tolist"):
+        return data.tolist()
+    if isinstance(data, Mapping):
+        return {key: plain(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return type(data)(map(plain, data)) if type(data) in (list, tuple) else data
+    return data
+
+
 class _Misfit(Exception):
     """Data that does not fit its declared type: what is wrong with it, without its key."""
 
@@ -146,8 +216,8 @@ class _Misfit(Exception):
 
 class _WrongKind(_Misfit):
     def __init__(self, expected: str, data: Any):
-        self.expected, shown = expected, repr(data)
-        super().__init__(f"must be {expected}, got {shown if len(shown) < 80 else f'{shown[:77]}…'}")
+        self.expected = expected
+        super().__init__(f"must be {expected}, got {shown(data)}")
 
 
 class _MissingKey(_Misfit):
@@ -184,8 +254,9 @@ def _join(where: str, name: str) -> str:
 def _converter(derived: tuple[tuple[type, tuple[str, ...]], ...]) -> Converter:
     properties = dict(derived)
     converter = Converter(detailed_validation=True, unstruct_collection_overrides={tuple: list})
-    for kind in (bool, int, str):
+    for kind in (bool, str):
         converter.register_structure_hook(kind, _same)
+    converter.register_structure_hook(int, _integer)
     converter.register_structure_hook(float, _number)
     converter.register_structure_hook(
         complex, lambda data, _: complex(*converter.structure(data, tuple[float, float]))
@@ -230,9 +301,33 @@ def _same(data: Any, kind: type) -> Any:
 def _number(data: Any, kind: type) -> float:
     if data is None:
         return math.nan
-    if type(data) not in (int, float):
+    if (number := real(data)) is None:
         raise _WrongKind(_WORDS[kind], data)
-    return float(data)
+    return number
+
+
+def _integer(data: Any, kind: type) -> int:
+    if (number := _whole(data)) is None:
+        raise _WrongKind(_WORDS[kind], data)
+    if not -(2**63) <= number < 2**63:
+        raise _WrongKind(f"{_WORDS[kind]} of 64 bits", data)
+    return number
+
+
+def _whole(value: Any) -> int | None:
+    """The number, if it is one of a whole kind; `True` is none."""
+    return int(value) if isinstance(value, numbers.Integral) and not isinstance(value, bool) else None
+
+
+def shown(value: Any) -> str:
+    """A value as it stands in a message, shortened."""
+    if isinstance(value, int) and value.bit_length() > 256:
+        return f"one of some {round(value.bit_length() * math.log10(2)):,} digits"
+    try:
+        shown = repr(value)
+    except (ValueError, RecursionError):  # huge numbers in a list, or lists in lists
+        return f"a {type(value).__name__} too large to show"
+    return shown if len(shown) < 80 else f"{shown[:77]}…"
 
 
 def _choice(data: Any, kind: Any) -> Any:

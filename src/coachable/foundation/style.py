@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from coachable.foundation.files import written_beside
+
 if TYPE_CHECKING:
     import matplotlib.figure
 
@@ -110,5 +112,5 @@ def save(figure: matplotlib.figure.Figure, path: Path) -> None:
         ".svg": {"Date": None, "Creator": "coachable"},
         ".pdf": {"CreationDate": None, "Creator": "coachable"},
     }.get(path.suffix, {"Software": "coachable"})
-    with drawing():
-        figure.savefig(path, dpi=DOTS_PER_INCH, metadata=metadata)
+    with drawing(), written_beside(path) as beside:
+        figure.savefig(beside, format=path.suffix[1:].lower(), dpi=DOTS_PER_INCH, metadata=metadata)

@@ -1,10 +1,13 @@
 """The settings of proximal policy optimisation, by stable-baselines3's names and with its defaults."""
 
 from dataclasses import dataclass, fields
-from math import isfinite
 
 from coachable.envs.squashing import SQUASHINGS, Squashing
+from coachable.foundation.data import real_number, whole_number
 from coachable.foundation.errors import PlanError
+
+_MOST = {"n_steps": 10**7, "batch_size": 10**7, "n_epochs": 10**4, "hidden_sizes": 10**4}
+"""Whole numbers, and what they are at most: more would take all memory or time."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +50,17 @@ class PPOConfig:
         if isinstance(self.hidden_sizes, list):  # as it comes from a TOML file
             object.__setattr__(self, "hidden_sizes", tuple(self.hidden_sizes))
         self._require("squashing", self.squashing in tuple(SQUASHINGS), " or ".join(map(repr, SQUASHINGS)))
-        for field in fields(self):
-            if field.name == "squashing":
-                continue
-            value = getattr(self, field.name)
-            numbers = value if isinstance(value, tuple) else (value,)
-            finite = all(type(number) in (int, float) and isfinite(number) for number in numbers)
-            self._require(field.name, finite, "finite")
-        for name in ("n_steps", "batch_size", "n_epochs"):
+        for name, most in _MOST.items():
             value = getattr(self, name)
-            self._require(name, type(value) is int and value >= 1, "an integer ≥ 1")
+            if isinstance(value, tuple):
+                numbers = tuple(whole_number(each, f"ppo.{name}", PlanError, 1, most) for each in value)
+            else:
+                numbers = whole_number(value, f"ppo.{name}", PlanError, 1, most)
+            object.__setattr__(self, name, numbers)
+        for field in fields(self):
+            if field.name not in (*_MOST, "squashing"):
+                number = real_number(getattr(self, field.name), f"ppo.{field.name}", PlanError)
+                object.__setattr__(self, field.name, number)
         for name in ("learning_rate", "clip_range", "max_grad_norm", "adam_epsilon"):
             self._require(name, getattr(self, name) > 0, "greater than 0")
         for name in ("gamma", "gae_lambda"):
@@ -65,9 +69,7 @@ class PPOConfig:
             self._require(name, getattr(self, name) >= 0, "at least 0")
         self._require(
             "hidden_sizes",
-            type(self.hidden_sizes) is tuple
-            and len(self.hidden_sizes) == 2
-            and all(type(width) is int and width >= 1 for width in self.hidden_sizes),
+            type(self.hidden_sizes) is tuple and len(self.hidden_sizes) == 2,
             "two integers ≥ 1",
         )
         self._require("batch_size", self.batch_size >= 2, "at least 2: advantages are normalised within it")

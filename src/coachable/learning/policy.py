@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from coachable.envs.squashing import SQUASHINGS
+from coachable.foundation.data import shown
 from coachable.foundation.errors import RunFolderError
 
 ACTIVATIONS = {"tanh": jnp.tanh, "relu": jax.nn.relu}
@@ -83,8 +84,15 @@ class Policy(eqx.Module):
 
         Raises `RunFolderError` if something is missing or does not fit together.
         """
+        sizes: Any = description.get("layers")
+        if not _are_sizes(sizes):
+            raise RunFolderError(f"the policy's layers must be two or more whole numbers, got {shown(sizes)}")
+        for name, array in tensors.items():
+            if not np.issubdtype(array.dtype, np.floating) or array.ndim not in (1, 2):
+                raise RunFolderError(
+                    f"the policy's {name} is {array.dtype}{list(array.shape)}, not of floats"
+                )
         try:
-            sizes = description["layers"]
             numbers = range(1, len(sizes))
             policy = cls(
                 weights=tuple(jnp.asarray(tensors[f"layer_{i}.weight"]) for i in numbers),
@@ -104,7 +112,7 @@ class Policy(eqx.Module):
                 ),
                 **({"bound": description["bound"]} if "bound" in description else {}),
             )
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise RunFolderError(f"the policy's file lacks {error}") from error
         shapes = [weight.shape for weight in policy.weights]
         expected = [(outputs, inputs) for inputs, outputs in pairwise(sizes)]
@@ -115,3 +123,9 @@ class Policy(eqx.Module):
         if not all(np.isfinite(array).all() for array in tensors.values()):
             raise RunFolderError("the policy's weights are not all finite")
         return policy
+
+
+def _are_sizes(sizes: Any) -> bool:
+    return (
+        isinstance(sizes, list | tuple) and len(sizes) >= 2 and all(type(n) is int and n >= 1 for n in sizes)
+    )

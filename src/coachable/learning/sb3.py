@@ -18,6 +18,7 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
+from coachable.foundation.data import real_number, whole_number
 from coachable.foundation.errors import PlanError
 from coachable.foundation.suggestion import suggestion
 from coachable.learning.policy import Policy
@@ -36,6 +37,10 @@ _NOT_SETTINGS = {
     "_init_setup_model",
 }
 _AT_LEAST_ONE = ("batch_size", "buffer_size", "n_epochs", "policy_delay", "target_update_interval")
+_SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf")
+"""Settings that may fall over a training."""
+_NORMALIZE = ("norm_obs", "norm_reward", "clip_obs", "clip_reward")
+"""Arguments of `VecNormalize` in a table `normalize`."""
 _LOGGED = {
     "approx_kl": "approx_kl",
     "clip_fraction": "clip_fraction",
@@ -65,6 +70,12 @@ def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
     for name, value in settings.items():
         if name not in defaults:
             raise PlanError(f"{trainer} has no setting {name!r}; {suggestion(name, defaults)}")
+        if name == "normalize" and isinstance(value, Mapping):
+            _check_normalize(trainer, value)
+            continue
+        if name in _SCHEDULED and isinstance(value, str):
+            _schedule(trainer, name, value)
+            continue
         kind = type(defaults[name])
         fits = {
             bool: type(value) is bool,
@@ -77,6 +88,10 @@ def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
             raise PlanError(f"{trainer}: {name} must be at least 1, got {value!r}")
         if value != value:
             raise PlanError(f"{trainer}: {name} must be a number, got {value!r}")
+        if kind is int:
+            whole_number(value, f"{trainer}: {name}", PlanError, -1, 10**8)
+        elif kind is float:
+            real_number(value, f"{trainer}: {name}", PlanError)
     arguments = settings.get("policy_kwargs", {})
     if not isinstance(arguments, Mapping):
         raise PlanError(f"{trainer}: policy_kwargs must be a table, got {arguments!r}")
@@ -90,6 +105,30 @@ def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
         )
 
 
+def _schedule(trainer: str, name: str, value: str) -> Callable[[float], float]:
+    """What the zoo writes as `lin_0.0003`: from there to zero, linearly with what is left of the training."""
+    word, _, number = value.partition("_")
+    try:
+        initial = float(number)
+    except ValueError:
+        initial = None
+    if word != "lin":
+        raise PlanError(f"{trainer}: {name} must be a number, or lin_ and a number, got {value!r}")
+    first = real_number(initial, f"{trainer}: {name} after lin_", PlanError)
+    return lambda left: left * first
+
+
+def _check_normalize(trainer: str, table: Mapping[str, Any]) -> None:
+    for name, value in table.items():
+        if name not in _NORMALIZE:
+            raise PlanError(f"{trainer}: normalize has no {name!r}; {suggestion(name, _NORMALIZE)}")
+        if name.startswith("norm_"):
+            if type(value) is not bool:
+                raise PlanError(f"{trainer}: normalize.{name} must be true or false, got {value!r}")
+        else:
+            real_number(value, f"{trainer}: normalize.{name}", PlanError, above=0)
+
+
 class Learner:
     """One lane: an algorithm with its environment, its networks, and all that a checkpoint has to hold.
 
@@ -100,7 +139,8 @@ class Learner:
         trainer: a key of `ALGORITHMS`.
         make_env: observations are a row of numbers, actions a bounded one.
         settings: arguments of the algorithm that differ from its defaults, and `normalize`, for running
-            means and deviations of observations and returns (`VecNormalize`); `n_envs`, from how many
+            means and deviations of observations and returns (`VecNormalize`, a table of whose arguments it
+            may be); `n_envs`, from how many
             environments PPO gathers `n_steps` each, one after another; `noise_std`, for normal noise on
             actions in [−1, 1]; `policy_kwargs.activation_fn`, by its name.
         seed: for the networks, the sampling and the environment.
@@ -118,8 +158,12 @@ class Learner:
         require_boxes(env)
         num_envs = settings.pop("n_envs", 1)
         vector_env: Any = DummyVecEnv([lambda: env, *[make_env] * (num_envs - 1)])
-        if settings.pop("normalize", False):
-            vector_env = VecNormalize(vector_env, gamma=settings.get("gamma", 0.99))
+        if (normalize := settings.pop("normalize", False)) is not False:
+            arguments = normalize if isinstance(normalize, Mapping) else {}
+            vector_env = VecNormalize(vector_env, gamma=settings.get("gamma", 0.99), **arguments)
+        for name in _SCHEDULED:
+            if isinstance(value := settings.get(name), str):
+                settings[name] = _schedule(trainer, name, value)
         if noise := settings.pop("noise_std", 0.0):
             size = env.action_space.shape or ()
             settings["action_noise"] = NormalActionNoise(np.zeros(size), np.full(size, float(noise)))
@@ -229,7 +273,7 @@ class Learner:
             found |= {f"buffer/{name}": getattr(buffer, name)[: buffer.size()] for name in _BUFFER}
             found["buffer/position"] = np.array(buffer.pos)
         if (normaliser := model.get_vec_normalize_env()) is not None:
-            for name, statistics in (("observations", normaliser.obs_rms), ("returns", normaliser.ret_rms)):
+            for name, statistics in _statistics(normaliser).items():
                 for moment in ("mean", "var", "count"):
                     found[f"{name}_{moment}"] = np.array(getattr(statistics, moment), np.float64)
         _, keys, position, has_gauss, gauss = np.random.get_state()
@@ -264,7 +308,7 @@ class Learner:
             buffer.pos = int(arrays["buffer/position"])
             buffer.full = len(arrays["buffer/rewards"]) == buffer.buffer_size
         if (normaliser := model.get_vec_normalize_env()) is not None:
-            for name, statistics in (("observations", normaliser.obs_rms), ("returns", normaliser.ret_rms)):
+            for name, statistics in _statistics(normaliser).items():
                 for moment in ("mean", "var", "count"):
                     setattr(statistics, moment, arrays[f"{name}_{moment}"])
         torch.set_rng_state(torch.from_numpy(arrays["torch_random"]))
@@ -277,7 +321,7 @@ class Learner:
 
     def _scaling(self) -> dict[str, Any]:
         normaliser = self._model.get_vec_normalize_env()
-        if normaliser is None:
+        if normaliser is None or not normaliser.norm_obs:
             return {}
         statistics = normaliser.obs_rms
         return {
@@ -285,6 +329,12 @@ class Learner:
             "scale": jnp.asarray(np.sqrt(statistics.var + normaliser.epsilon), jnp.float32),
             "bound": float(normaliser.clip_obs),
         }
+
+
+def _statistics(normaliser: VecNormalize) -> dict[str, Any]:
+    """Running statistics by what they are of; observations that are not normalised have none."""
+    named = {"observations": getattr(normaliser, "obs_rms", None), "returns": normaliser.ret_rms}
+    return {name: statistics for name, statistics in named.items() if statistics is not None}
 
 
 class _Between(BaseCallback):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal
 
+from coachable.foundation.data import real, real_number, shown
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.rewards.forms import RewardForm, form_from_data
@@ -41,12 +42,12 @@ class RewardSetup:
         if not self.name.strip():
             raise ParameterError("a reward setup needs a name")
         for term in TERM_NAMES:
-            weight = getattr(self, term)
-            if isinstance(weight, bool) or not isinstance(weight, int | float) or not math.isfinite(weight):
+            given = getattr(self, term)
+            if (weight := real(given)) is None or not math.isfinite(weight):
                 raise ParameterError(
-                    f"reward setup {self.name!r}: the weight {term} is {weight!r}; give a finite number"
+                    f"reward setup {self.name!r}: the weight {term} is {shown(given)}; give a finite number"
                 )
-            object.__setattr__(self, term, float(weight))
+            object.__setattr__(self, term, weight)
 
     @property
     def weights(self) -> tuple[float, float, float, float, float]:
@@ -105,8 +106,7 @@ class DescribedSetup:
             hint = suggestion(str(self.observe), ("memory", "nothing"))
             raise ParameterError(f"observe = {self.observe!r}: {hint}")
         for key, value in {"weight": self.weight, "cycle_bonus": self.cycle_bonus, **self.terms}.items():
-            if not math.isfinite(value):
-                raise ParameterError(f"{key} must be a finite number, got {value!r}")
+            real_number(value, key, ParameterError)
 
     @property
     def form(self) -> RewardForm:

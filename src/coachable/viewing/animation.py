@@ -14,6 +14,7 @@ from PIL import Image
 from coachable.drawing.motion import Motion
 from coachable.drawing.stage import NamedPhase
 from coachable.foundation.errors import CoachableError, MissingExtraError
+from coachable.foundation.files import written_beside
 from coachable.viewing.scene import Scene, SideBySide
 
 GIF_FPS = 25
@@ -75,7 +76,16 @@ def _write_gif(path: Path, scene: Film, times: Sequence[float]) -> None:
     palette = _palette(scene, times)
     frames = (scene.frame(time).quantize(palette=palette, dither=Image.Dither.NONE) for time in times)
     durations = [1_000 // GIF_FPS] * (len(times) - 1) + [_LAST_FRAME]
-    next(frames).save(path, save_all=True, append_images=frames, duration=durations, loop=0, optimize=False)
+    with written_beside(path) as beside:
+        next(frames).save(
+            beside,
+            "GIF",
+            save_all=True,
+            append_images=frames,
+            duration=durations,
+            loop=0,
+            optimize=False,
+        )
 
 
 def _palette(scene: Film, times: Sequence[float]) -> Image.Image:
@@ -99,14 +109,16 @@ def _write_mp4(path: Path, scene: Film, times: Sequence[float]) -> None:
         raise MissingExtraError("an mp4", "video") from None
     width, height = scene.size
     raw_frames = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {MP4_FPS} -i -"
-    options = f"-y -loglevel error {raw_frames} -vcodec libx264 -pix_fmt yuv420p -crf 18"
+    options = f"-y -loglevel error {raw_frames} -vcodec libx264 -pix_fmt yuv420p -crf 18 -f mp4"
     # ffmpeg is run directly: imageio_ffmpeg would fork, which a process that runs JAX must not.
-    command = [imageio_ffmpeg.get_ffmpeg_exe(), *options.split(), str(path)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as ffmpeg:
-        assert ffmpeg.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # it has ended early, and says why
-            for time in times:
-                ffmpeg.stdin.write(scene.frame(time).tobytes())
-        _, complaint = ffmpeg.communicate()
-    if ffmpeg.returncode:
-        raise CoachableError(f"{path} could not be written: {complaint.decode(errors='replace').strip()}")
+    with written_beside(path) as beside:
+        command = [imageio_ffmpeg.get_ffmpeg_exe(), *options.split(), str(beside.absolute())]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as ffmpeg:
+            assert ffmpeg.stdin is not None
+            with contextlib.suppress(BrokenPipeError):  # it has ended early, and says why
+                for time in times:
+                    ffmpeg.stdin.write(scene.frame(time).tobytes())
+            _, complaint = ffmpeg.communicate()
+        if ffmpeg.returncode:
+            reason = complaint.decode(errors="replace").strip()
+            raise CoachableError(f"{path} could not be written: {reason}")

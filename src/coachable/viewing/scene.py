@@ -39,7 +39,9 @@ class Scene:
     def of(motion: Motion, phases: Sequence[NamedPhase], title: str = "") -> Scene:
         """The scene of a motion with the phases of its behaviour, and a title that distinguishes it."""
         spacing = motion.seconds / max(1, len(motion.time) - 1) or 1.0
-        camera = gaussian_filter1d(motion.base[:, 0], _CAMERA_SECONDS / spacing, mode="nearest")
+        # Wider than the whole motion, the filter only takes longer: some walkers fall within a microsecond.
+        width = min(_CAMERA_SECONDS / spacing, 10.0 * len(motion.time))
+        camera = gaussian_filter1d(motion.base[:, 0], width, mode="nearest")
         return Scene(motion, tuple(phases), camera, _backdrop(motion, phases, title))
 
     def stage(self, sample: int) -> Stage:

@@ -4,19 +4,23 @@ import base64
 import hashlib
 import html
 import json
+import math
 import re
 import shutil
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from coachable.analysis.report import page as page_module
 from coachable.analysis.report.formats import write
 from coachable.analysis.report.page import read_studies, render, write_report
 from coachable.analysis.report.walks import even_selection
 from coachable.experiments.run_folder.schemas import DIAGNOSTICS
 from coachable.foundation.errors import RunFolderError
+from coachable.foundation.files import hash_of
 
 RESULTS = Path(__file__).parents[3] / "docs" / "results"
 BIBTEX = "@software{coachable, title = {A & B <c>}}"
@@ -180,8 +184,8 @@ def test_the_table_of_passports_is_shown_with_the_others(four, tmp_path):
     (run / "passports").mkdir()
     table = {
         "title": "Gait passports",
-        "header": ["setup", "up"],
-        "rows": [["<b>", "14"]],
+        "header": ["setup", "up", "proven"],
+        "rows": [["<b>", "14", "14"]],
         "note": "up: 100 s",
     }
     (run / "passports" / "summary.json").write_text(json.dumps(table))
@@ -189,6 +193,10 @@ def test_the_table_of_passports_is_shown_with_the_others(four, tmp_path):
     assert "Gait passports" in page
     assert "&lt;b&gt;" in page
     assert "up: 100 s" in page
+    assert "Gait passports (claimed, not re-checked)" in page
+    assert "This page has re-checked none of these numbers" in page
+    assert "<th>proven</th>" not in page
+    assert "proof claimed" in page
     (run / "passports" / "summary.json").write_text("{")
     assert "summary.json is damaged" in page_of(run)
 
@@ -206,6 +214,39 @@ def test_a_damaged_folder_is_named_and_the_others_are_reported(four, tmp_path):
     with pytest.raises(RunFolderError, match="nowhere"):
         write_report([tmp_path / "nowhere"], tmp_path / "none.html", bibtex=BIBTEX)
     assert not (tmp_path / "none.html").exists()
+
+
+@pytest.mark.parametrize("failure", [OverflowError("too large"), ValueError("NaN"), KeyError("hip_x")])
+def test_whatever_is_wrong_with_a_folder_the_others_are_reported(four, tmp_path, monkeypatch, failure):
+    bad = shutil.copytree(four, tmp_path / "bad")
+    read = page_module.read_study
+
+    def read_study(path, tell):
+        if path == bad:
+            raise failure
+        return read(path, tell)
+
+    monkeypatch.setattr(page_module, "read_study", read_study)
+    (problem,) = write_report([bad, four], tmp_path / "page.html", bibtex=BIBTEX)
+    assert str(bad) in problem
+    assert type(failure).__name__ in problem
+    assert len(data_of((tmp_path / "page.html").read_text(encoding="utf-8"))) == 1
+    with pytest.raises(RunFolderError, match=type(failure).__name__):
+        write_report([bad], tmp_path / "none.html", bibtex=BIBTEX)
+
+
+def test_a_folder_with_numbers_that_are_none_is_named_and_the_others_are_reported(four, tmp_path):
+    bad = shutil.copytree(four, tmp_path / "bad")
+    file = bad / "survival.parquet"
+    table = pq.read_table(file)
+    endless = pa.array([math.inf] * len(table), table.schema.field("seconds_up").type)
+    place = table.column_names.index("seconds_up")
+    pq.write_table(table.set_column(place, table.schema.field("seconds_up"), endless), file)
+    manifest = json.loads((bad / "manifest.json").read_text())
+    manifest["files"]["survival.parquet"] = hash_of(file.read_bytes())
+    (bad / "manifest.json").write_text(json.dumps(manifest))
+    write_report([bad, four], tmp_path / "page.html", bibtex=BIBTEX)
+    assert data_of((tmp_path / "page.html").read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("name", ["trajectories", "evaluations", "survival", "episodes"])

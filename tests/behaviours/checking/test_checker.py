@@ -24,7 +24,9 @@ from coachable.behaviours import (
     holds,
     load_behaviour,
 )
+from coachable.behaviours.checking import partition
 from coachable.behaviours.checking.checker import check
+from coachable.behaviours.checking.findings import Proven
 from coachable.behaviours.expressions import Arithmetic, Call
 from coachable.behaviours.rewriting import widened
 from coachable.behaviours.text.parser import parse
@@ -428,3 +430,29 @@ cycle
 def test_a_lateral_signal_that_keeps_its_sign_in_the_mirror_is_found(mirror, condition, found):
     report = check(parse(SIDES.format(mirror, condition)))
     assert ("lateral-signal" in {finding.kind for finding in report.findings}) == found
+
+
+def bands(number):
+    phases = "".join(f"  P{i}: x >= {i}, x < {i + 1}\n" for i in range(number))
+    return parse(f'behaviour "bands"\n\nsignals\n  x [m] place\n\nphases\n{phases}')
+
+
+def test_phases_whose_bounds_are_apart_are_disjoint_without_the_solver(monkeypatch):
+    def asked(*arguments):
+        raise AssertionError("the solver was asked")
+
+    monkeypatch.setattr(partition, "witness", asked)
+    assert [str(one) for one in partition.overlaps(bands(300))] == [str(Proven("pairwise disjoint"))]
+
+
+@pytest.mark.parametrize("first", ["x > 1", "x >= 1", "x < 1", "x <= 1", "x > 1, x < 2", "x > 2, x < 1"])
+@pytest.mark.parametrize("second", ["x > 1", "x <= 1", "x >= 2", "x < 2", "y <= 0", "y > 0"])
+def test_bounds_are_apart_only_where_the_solver_finds_no_state(first, second):
+    text = f'behaviour "b"\n\nsignals\n  x [m] a\n  y [m] b\n\nphases\n  A: {first}\n  B: {second}\n'
+    behaviour = parse(text)
+    one, other = (phase.predicate for phase in behaviour.phases)
+    apart = partition._apart(partition._box(one), partition._box(other))
+    meets = partition.witness(behaviour.signal_names, one, other) is not False
+    assert not (apart and meets)
+    if "x" in second and first != "x > 2, x < 1":
+        assert apart != meets

@@ -56,7 +56,9 @@ def test_a_walker_that_falls_has_a_passport_that_says_so(capsys, run_folder, tmp
     assert read_passport(tmp_path / "orthant-1.json").verdict.startswith("does not walk: it fell after ")
 
 
-def test_a_passport_is_kept_for_the_same_policy_only(capsys, run_folder, tmp_path):
+def test_a_passport_is_kept_for_the_same_policy_and_a_proof_that_holds(
+    capsys, run_folder, tmp_path, monkeypatch
+):
     run(capsys, run_folder, "--seed", 1, "--out", tmp_path)
     subject = lane_subject(open_run(run_folder), "orthant", 1)
     assert verify_module.kept_passport(tmp_path, subject, "quick") is not None
@@ -65,6 +67,12 @@ def test_a_passport_is_kept_for_the_same_policy_only(capsys, run_folder, tmp_pat
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace(subject.walker.policy_sha256, "0" * 64), encoding="utf-8")
     assert verify_module.kept_passport(tmp_path, subject, "quick") is None
+    forged = {"proven": True, "radius": 0.5, "reach": 0.1, "strides": 1, "reason": "proven", "file": None}
+    path.write_text(json.dumps(json.loads(text) | {"certificate": forged}), encoding="utf-8")
+    assert verify_module.kept_passport(tmp_path, subject, "quick", certify=True) is None
+    monkeypatch.setattr(verify_module, "find_spec", lambda name: None)
+    kept = verify_module.kept_passport(tmp_path, subject, "quick", certify=True)
+    assert (kept.certificate.proven, "not re-checked" in kept.certificate.reason) == (False, True)
     path.write_text(text[:100], encoding="utf-8")
     assert verify_module.kept_passport(tmp_path, subject, "quick") is None
 

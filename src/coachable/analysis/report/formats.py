@@ -10,6 +10,7 @@ from coachable.analysis.figures import figures
 from coachable.analysis.report.page import read_studies, write_report
 from coachable.analysis.report.study import StudyReport, Tell
 from coachable.analysis.table import markdown_of
+from coachable.foundation.files import make_folder, write_atomic
 from coachable.foundation.style import save
 
 Format = Literal["html", "md", "pdf-figures"]
@@ -29,15 +30,17 @@ def write(
 
     **Raises:** `RunFolderError` if none of the folders can be read.
     """
-    out = out or (paths[0] if len(paths) == 1 else Path()) / _NAMES[format]
+    given, out = out, out or (paths[0] if len(paths) == 1 else Path()) / _NAMES[format]
     if format == "html":
         return [out], write_report(paths, out, bibtex=bibtex, tell=tell)
     studies, problems = read_studies(paths, tell)
     tell(f"{out}: writing")
     problems = [*problems, *(problem for study in studies for problem in study.problems)]
     if format == "md":
-        out.write_text("\n".join(map(_markdown, studies)), encoding="utf-8")
+        write_atomic(out, "\n".join(map(_markdown, studies)))
         return [out], problems
+    if given is None:
+        make_folder(out.parent, out.name)
     return [path for study in studies for path in _draw(study, out, tell, len(studies) > 1)], problems
 
 

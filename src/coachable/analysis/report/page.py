@@ -22,7 +22,8 @@ from coachable.analysis.report.walks import MOST_WALKS
 from coachable.analysis.sections import PAPER, heading
 from coachable.behaviours.text import to_text
 from coachable.diagram.draw import automaton_svg
-from coachable.foundation.errors import RunFolderError
+from coachable.foundation.errors import CoachableError, RunFolderError
+from coachable.foundation.files import write_atomic
 from coachable.foundation.style import (
     BAD,
     DARK_PAGE,
@@ -59,7 +60,7 @@ def write_report(
     """
     studies, problems = read_studies(paths, tell)
     tell(f"{out}: writing")
-    out.write_text(render(studies, problems, bibtex), encoding="utf-8")
+    write_atomic(out, render(studies, problems, bibtex))
     return [*problems, *(problem for study in studies for problem in study.problems)]
 
 
@@ -71,9 +72,15 @@ def read_studies(paths: Sequence[Path], tell: Tell) -> tuple[list[StudyReport], 
     studies, problems = [], []
     for path in paths:
         try:
-            studies.append(read_study(path, tell))
-        except RunFolderError as error:
+            study = read_study(path, tell)
+            safe_json(study.data(0))  # what the page is made from can be bad, too
+            provenance(study)
+            studies.append(study)
+        except CoachableError as error:
             problems.append(str(error))
+        # A folder may hold anything, and whatever is wrong with its numbers is no reason to lose the others.
+        except Exception as error:
+            problems.append(f"{path} cannot be reported: {type(error).__name__}: {error}")
     if not studies:
         raise RunFolderError("; ".join(problems))
     return [

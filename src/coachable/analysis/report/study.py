@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,11 +21,14 @@ from coachable.analysis.report.walks import (
     stored_walks,
 )
 from coachable.analysis.sections import Section, sections_of, settings
+from coachable.analysis.table import diverged_lanes
 from coachable.behaviours.expressions import Number, Variable
 from coachable.behaviours.predicates import Comparison, Predicate
 from coachable.behaviours.rewriting import conjuncts
 from coachable.experiments.run_folder.reader import Run, open_run
+from coachable.foundation.data import parse_json, structure
 from coachable.foundation.errors import RunFolderError
+from coachable.foundation.files import read_text
 
 Tell = Callable[[str], None]
 """Is told what is under way."""
@@ -196,6 +198,7 @@ def read_study(path: Path, tell: Tell) -> StudyReport:
             walks = stored_walks(run)
         except RunFolderError as error:
             problems.append(str(error))
+    problems += diverged_lanes(run)
     for more in (_gaits, _passports):
         try:
             sections = (*sections, *more(run))
@@ -232,16 +235,42 @@ def _gaits(run: Run) -> tuple[Section, ...]:
 
 
 def _passports(run: Run) -> tuple[Section, ...]:
-    """The table of gait passports, if `coachable verify` has written one."""
+    """The table of gait passports, if `coachable verify` has written one.
+
+    Nothing in it is measured or proven here, so it is shown as what the file claims.
+    """
     file = run.path / "passports" / "summary.json"
     if not file.exists():
         return ()
     try:
-        table = json.loads(file.read_text(encoding="utf-8"))
-        rows = tuple(tuple(map(str, row)) for row in table["rows"])
-        return (Section(str(table["title"]), tuple(map(str, table["header"])), rows, (str(table["note"]),)),)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RunFolderError(f"{file} is damaged: {error!r}; verify the run again") from None
+        table = structure(
+            _Table, parse_json(read_text(file), str(file), RunFolderError), str(file), RunFolderError
+        )
+    except RunFolderError as error:
+        raise RunFolderError(f"{error}; verify the run again") from None
+    header = tuple("proof claimed" if name == "proven" else name for name in table.header)
+    if any(len(row) != len(header) for row in table.rows):
+        raise RunFolderError(
+            f"{file} is damaged: its rows are not as long as its header; verify the run again"
+        )
+    title = f"{table.title} (claimed, not re-checked)"
+    return (Section(title, header, table.rows, (_CLAIMED, table.note)),)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """What `coachable verify --all` writes beside the passports."""
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str
+
+
+_CLAIMED = (
+    "This page has re-checked none of these numbers: they are what passports/summary.json claims. "
+    "`coachable verify --recheck` proves a certificate anew."
+)
 
 
 def _box(predicate: Predicate) -> dict[str, list[float | None]]:

@@ -53,7 +53,7 @@ def load_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict]:
     **Raises:** `RunFolderError` naming a file that is damaged.
     """
     try:
-        arrays = load(read_bytes(path))
+        arrays = load(read_bytes(path, most=None))
         with safe_open(path, "numpy") as file:
             metadata = file.metadata() or {}
         if metadata["sha256"] != _digest(arrays, metadata["about"]):

@@ -117,11 +117,32 @@ class Run:
         try:
             described = self.path / f"{stem}.json"
             description = parse_json(self._read(f"{stem}.json"), str(described), RunFolderError)
-            return Policy.of(load(self._read(f"{stem}.safetensors")), description)
-        except (SafetensorError, RunFolderError) as error:
+            return Policy.of(self._tensors(stem), description)
+        except RunFolderError as error:
             if isinstance(error, RunFolderError) and str(self.path) in str(error):
                 raise
             raise RunFolderError(f"{weights} is damaged: {error}") from None
+
+    def diverged(self) -> tuple[Lane, ...]:
+        """The lanes whose last policy holds numbers that are not finite: their training diverged."""
+        return tuple(
+            lane
+            for lane in self.lanes
+            if (self.path / f"policies/{lane.name}-last.safetensors").exists()
+            and not all(
+                np.isfinite(array).all() for array in self._tensors(f"policies/{lane.name}-last").values()
+            )
+        )
+
+    def _tensors(self, stem: str) -> dict[str, np.ndarray]:
+        """The arrays of a policy's file."""
+        data = self._read(f"{stem}.safetensors")
+        try:
+            return load(data)
+        # What numbers that NumPy does not have, such as BF16, raise depends on the version.
+        except (SafetensorError, KeyError, TypeError, ValueError, AttributeError) as error:
+            path = self.path / f"{stem}.safetensors"
+            raise RunFolderError(f"{path} is damaged: its arrays cannot be read: {error!r}") from None
 
     def policy_sha256(self, setup: str, seed: int, which: Which = "last") -> str:
         """The hash of the file with the lane's weights."""
@@ -189,7 +210,7 @@ def open_run(path: str | Path) -> Run:
 
 
 def _manifest(path: Path) -> dict[str, Any]:
-    manifest = parse_json(read_bytes(path), str(path), RunFolderError)
+    manifest = parse_json(read_text(path), str(path), RunFolderError)
     version = manifest.get("format_version")
     if version not in READABLE:
         raise RunFolderError(

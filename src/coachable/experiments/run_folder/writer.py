@@ -19,7 +19,7 @@ from coachable.experiments.run_folder.provenance import environment, environment
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.run_folder.schemas import FORMAT_VERSION
 from coachable.foundation.errors import RunFolderError
-from coachable.foundation.files import hash_of, read_bytes, write_atomic
+from coachable.foundation.files import hash_of, make_folder, read_bytes, write_atomic
 from coachable.foundation.tables import table_bytes
 
 _FIRST_FILES = ("plan.toml", "behaviour.behaviour", "automaton.svg")
@@ -138,7 +138,7 @@ class RunFolder:
     def make_folders(self) -> None:
         """Make the folders inside, where they are missing."""
         for name in ("checkpoints", "policies"):
-            (self.path / name).mkdir(exist_ok=True)
+            make_folder(self.path, name)
 
     def checkpoint(self, batch: int) -> Path:
         """Where the checkpoint of a batch lies."""

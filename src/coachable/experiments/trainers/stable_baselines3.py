@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from coachable.envs.problem import PlantProblem, Problem
 from coachable.experiments.trainers.environment_trainer import EnvironmentTrainer
 from coachable.experiments.trainers.trainer import Learner, MakeEnv
+from coachable.foundation.data import whole_number
 from coachable.foundation.errors import PlanError
 
 if TYPE_CHECKING:
@@ -41,11 +42,10 @@ class StableBaselines3(EnvironmentTrainer):
     def steps_an_update(self) -> int:
         """A rollout of PPO from all of its environments, or `train_freq` steps of the others."""
         defaults = {"n_steps": 2048, "n_envs": 1} if self.algorithm == "sb3-ppo" else {"train_freq": 1}
-        factors = {name: self.settings.get(name, default) for name, default in defaults.items()}
-        for name, factor in factors.items():
-            if type(factor) is not int or factor < 1:
-                raise PlanError(f"sb3.{name} must be a whole number, at least 1, got {factor!r}")
-        return prod(factors.values())
+        return prod(
+            whole_number(self.settings.get(name, default), f"sb3.{name}", PlanError, 1, 10**7)
+            for name, default in defaults.items()
+        )
 
     def cannot_train(self, problem: Problem) -> str:
         """`released-code` evaluates in the one environment that it trains in."""

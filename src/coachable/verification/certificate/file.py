@@ -14,7 +14,7 @@ import numpy as np
 
 from coachable.foundation.data import parse_json, structure
 from coachable.foundation.errors import ParameterError, RunFolderError
-from coachable.foundation.files import hash_of, read_bytes, write_atomic
+from coachable.foundation.files import hash_of, read_text, write_atomic
 from coachable.learning.policy import Policy
 from coachable.plants.compass import STATE_NAMES, CompassParameters, CompassWalker, VirtualGravity
 from coachable.verification.certificate.checker import CertificateError, Verdict, check
@@ -132,7 +132,7 @@ def read_certificate(path: Path) -> dict[str, Any]:
 
     **Raises:** `RunFolderError` naming the file and what is wrong with it.
     """
-    data = parse_json(read_bytes(path), str(path), RunFolderError)
+    data = parse_json(read_text(path), str(path), RunFolderError)
     if data.get("format") != FORMAT:
         raise RunFolderError(f"{path} is not a certificate")
     if data.get("format_version") != FORMAT_VERSION:

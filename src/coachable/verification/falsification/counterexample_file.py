@@ -20,7 +20,7 @@ from coachable.drawing.motion import Motion
 from coachable.experiments.walks import TitledMotion
 from coachable.foundation.data import json_text, parse_json, structure
 from coachable.foundation.errors import CoachableError, RunFolderError
-from coachable.foundation.files import read_bytes, write_atomic
+from coachable.foundation.files import make_folder, read_text, write_atomic
 from coachable.plants.named import name_of, parameters_from, plant_class
 from coachable.plants.plant import Plant
 from coachable.verification.falsification.falsify import Counterexample, Falsification
@@ -59,9 +59,9 @@ def write_numbered(folder: Path, lane: str, files: Sequence[Mapping[str, Any]]) 
     **Returns:** where they are.
     """
     place = folder / "counterexamples"
+    if files or place.is_symlink():
+        place = make_folder(folder, "counterexamples")
     paths = tuple(place / f"{lane}-{number}.json" for number in range(1, len(files) + 1))
-    if paths:
-        place.mkdir(exist_ok=True)
     for path, data in zip(paths, files, strict=True):
         write_atomic(path, json_text(data, indent=None) + "\n")
     for old in place.glob("*.json"):
@@ -76,7 +76,7 @@ def read_counterexample(path: Path) -> dict[str, Any]:
 
     **Raises:** `RunFolderError` if the file is missing, no JSON object, or of another version.
     """
-    data = parse_json(read_bytes(path), str(path), RunFolderError)
+    data = parse_json(read_text(path), str(path), RunFolderError)
     version = data.get("format_version")
     if version != FORMAT_VERSION:
         raise RunFolderError(

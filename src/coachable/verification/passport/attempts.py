@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from coachable.foundation.errors import MissingExtraError, ParameterError
+from coachable.foundation.files import make_folder
 from coachable.verification.falsification.counterexample_file import write_counterexamples
 from coachable.verification.falsification.episode_counterexample import write_episode_counterexamples
 from coachable.verification.falsification.episode_falls import (
@@ -102,8 +103,8 @@ def certificate(
     used(1.0)
     path = None
     if proposal.certificate is not None and folder is not None:
-        path = run_of(folder) / "certificates" / f"{walker.name}.json"
-        path.parent.mkdir(exist_ok=True)
+        make_folder(run_of(folder), "certificates")
+        path = certificate_path(folder, walker.name)
         write_certificate(path, proposal.certificate)
     verdict = proposal.verdict
     return Certified(
@@ -114,6 +115,11 @@ def certificate(
         reason=verdict.reason if verdict is not None and verdict.proven else proposal.obstacle,
         file=None if path is None else path.name,
     )
+
+
+def certificate_path(folder: Path, name: str) -> Path:
+    """Where the certificate of a walker lies whose passport is in a folder."""
+    return run_of(folder) / "certificates" / f"{name}.json"
 
 
 def no_certificate(obstacle: str) -> Certified:

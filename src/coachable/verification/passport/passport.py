@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from coachable.foundation.data import json_text, parse_json, structure, unstructure
 from coachable.foundation.errors import RunFolderError
-from coachable.foundation.files import read_bytes, write_atomic
+from coachable.foundation.files import read_text, write_atomic
 from coachable.plants.sampled import Clock
 from coachable.rewards.setup import Semantics
 from coachable.verification.gait.adherence import Adherence
@@ -192,7 +192,7 @@ def read_passport(path: Path) -> Passport:
 
     **Raises:** `RunFolderError` naming the file and what is wrong with it.
     """
-    data = parse_json(read_bytes(path), str(path), RunFolderError)
+    data = parse_json(read_text(path), str(path), RunFolderError)
     version = data.pop("format_version", None)
     if version != FORMAT_VERSION:
         raise RunFolderError(

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 
 import jax
@@ -15,7 +16,7 @@ import numpy as np
 from coachable.behaviours.behaviour import Behaviour
 from coachable.experiments.layout import num_cores
 from coachable.foundation.errors import ParameterError, RunFolderError
-from coachable.foundation.files import write_atomic
+from coachable.foundation.files import make_folder, write_atomic
 from coachable.plants.plant import Plant
 from coachable.plants.sampled import Clock
 from coachable.verification.falsification.fall_search import require_cma
@@ -25,7 +26,14 @@ from coachable.verification.gait.followed_automaton import followed_svg
 from coachable.verification.gait.orbit import find_orbits
 from coachable.verification.gait.stability import stabilities
 from coachable.verification.gait.walk import SampledWalk, settle
-from coachable.verification.passport.attempts import certificate, falls, no_certificate, require_crival
+from coachable.verification.passport.attempts import (
+    certificate,
+    certificate_path,
+    falls,
+    no_certificate,
+    not_certified,
+    require_crival,
+)
 from coachable.verification.passport.closed_loop import EpisodeSubject, Subject
 from coachable.verification.passport.episodes import episode_passport
 from coachable.verification.passport.passport import (
@@ -89,7 +97,8 @@ def verify(
     if certify and plants:
         require_crival()
     if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(folder.parent, folder.name)
     made = _verify_plants(plants, level, folder, baseline, progress, certify=certify)
     for subject in subjects:
         if isinstance(subject, EpisodeSubject):
@@ -270,7 +279,11 @@ def _pushes_of(subject: Subject) -> Pushes | None:
 def kept_passport(
     folder: Path, subject: Subject | EpisodeSubject, level: Level, certify: bool = False
 ) -> Passport | None:
-    """The walker's passport if it is in the folder, readable, of the same policy and as complete."""
+    """The walker's passport if it is in the folder, readable, of the same policy and as complete.
+
+    A proof that it claims is proven anew by the checker. Without the interval arithmetic for that, the
+    passport is returned without the proof; where there is none, it is not returned.
+    """
     path = passport_path(folder, subject.walker.name)
     if not path.exists():
         return None
@@ -280,4 +293,21 @@ def kept_passport(
         return None  # it is made anew
     enough = LEVELS.index(passport.level) >= LEVELS.index(level)
     enough &= not certify or passport.certificate is not None
-    return passport if enough and passport.walker == subject.walker else None
+    if not enough or passport.walker != subject.walker:
+        return None
+    claimed = passport.certificate is not None and passport.certificate.proven
+    if not claimed:
+        return passport
+    if find_spec("ival") is None:
+        reason = "its file claims a proof, which was not re-checked: that needs the [verify] extra"
+        return replace(passport, certificate=not_certified(reason))
+    return passport if isinstance(subject, Subject) and _proven_anew(folder, subject) else None
+
+
+def _proven_anew(folder: Path, subject: Subject) -> bool:
+    from coachable.verification.certificate.file import recheck
+
+    try:
+        return recheck(certificate_path(folder, subject.walker.name), subject.loop).proven
+    except (RunFolderError, ParameterError):
+        return False
