@@ -289,11 +289,56 @@ def test_a_nan_can_count_as_outside():
     assert env.step([0.0])[-1]["behaviour"]["phase"] == "right"
 
 
-def test_what_a_signals_function_raises_comes_with_its_name():
-    env = wrapped(signals={"x": lambda env, observation, info: info["y"]})
-    with pytest.raises(KeyError) as told:
-        env.reset()
-    assert any("'x'" in note for note in told.value.__notes__)
+@pytest.mark.parametrize(
+    ("read", "message"),
+    [
+        (lambda env, observation, info: info["y"], "'x' is NaN after the reset, .* no entry 'y'"),
+        (lambda env, observation, info: {}["y"], "'x' cannot be read after the reset: .* KeyError: 'y'"),
+        (lambda env, observation, info: observation[7], "'x' cannot be read after the reset: .*IndexError"),
+        (lambda env, observation, info: env.nothing, "after the reset: .*AttributeError: .*'nothing'"),
+        (lambda env, observation, info: None, "'x' must be one number, but after the reset it is None"),
+        (lambda env, observation, info: "0.5", "must be one number, but after the reset it is '0.5'"),
+        (lambda env, observation, info: observation, r"'x' must be one number, .* its shape is \(1,\)"),
+        (lambda env, observation, info: 1j, "must be one number, but after the reset it is 1j"),
+        (lambda env, observation, info: np.datetime64("2020"), "'x' must be one number, but"),
+        (lambda env, observation, info: np.ma.masked, "'x' is NaN after the reset; mend it"),
+        (lambda env, observation, info: np.ma.array([1.0], mask=True)[0], "'x' is NaN after the reset"),
+    ],
+)
+def test_a_function_that_reads_no_number_is_named(read, message):
+    with pytest.raises(SignalError, match=message):
+        wrapped(signals={"x": read}).reset()
+
+
+class Paying(Pacing):
+    """Pays what it is given to pay in its second step."""
+
+    pays = 0.0
+
+    def step(self, action):
+        observation, reward, *others = super().step(action)
+        return observation, self.pays if self.steps == 2 else reward, *others
+
+
+@pytest.mark.parametrize(
+    "pays", [np.array([0.5]), "0.5", None, math.nan, np.float32(math.nan), -math.inf, 1j, [1.0], np.ma.masked]
+)
+def test_a_reward_that_is_no_number_is_named_in_its_step(pays):
+    env = BehaviourReward(Paying(), pacing(), BY_OBSERVATION)
+    env.unwrapped.pays = pays
+    env.reset()
+    env.step([0.0])
+    with pytest.raises(SignalError, match="reward of Paying must be one finite number, but after step 2 it"):
+        env.step([0.0])
+
+
+@pytest.mark.parametrize("pays", [1, True, np.float32(0.5), np.array(0.5), np.int64(3)])
+def test_a_reward_of_another_type_is_a_number(pays):
+    env = BehaviourReward(Paying(), pacing(), BY_OBSERVATION, weight=0.0)
+    env.unwrapped.pays = pays
+    env.reset()
+    env.step([0.0])
+    assert env.step([0.0])[1] == float(pays)
 
 
 def test_a_step_needs_a_reset():

@@ -12,7 +12,7 @@ from gymnasium.utils import RecordConstructorArgs
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.observed_memory import MemoryObserver, Observe
-from coachable.envs.signals.reading import OnNaN, Signals, numbers_of_one, reader_of_one, time_step
+from coachable.envs.signals.reading import OnNaN, Signals, after, reader_of_one, reward_number, time_step
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.rewards.described_reward import DescribedReward
@@ -55,7 +55,8 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         key: where the info, and in a `Dict` the memory, is found if `behaviour` is taken.
 
     **Raises:** `ParameterError` for a missing signal, an observation to which nothing can be appended and
-    what `DescribedReward` raises; from `reset` and `step` `SignalError` for a signal that is no number.
+    what `DescribedReward` raises; from `reset` and `step` `SignalError` for a signal or a reward
+    that is no number.
     """
 
     def __init__(
@@ -93,8 +94,7 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         self._run = RunReward(self.behaviour_reward)
         self.on_nan: OnNaN = on_nan
         self.weight, self.replace, self.key = weight, replace, key
-        self._signal_names = self.behaviour_reward.behaviour.signal_names
-        self._read = reader_of_one(env, self._signal_names, signals)
+        self._read = reader_of_one(env, self.behaviour_reward.behaviour.signal_names, signals, on_nan)
         self._observer = MemoryObserver.of(
             observe, self.behaviour_reward.observation_names, env.observation_space, key
         )
@@ -108,8 +108,7 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         """Begin an episode; nothing is remembered of the last one."""
         self._steps = None
         observation, info = self.env.reset(seed=seed, options=options)
-        values = self._read(observation, info)
-        begun = self._run.begin(numbers_of_one(self._signal_names, values, self.on_nan, 0))
+        begun = self._run.begin(self._read(self.env, observation, info, 0))
         self._steps = 0
         if self._observer is not None:
             observation = self._observer.append(observation, begun.observed)
@@ -121,11 +120,9 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
             raise ResetNeeded("no episode has begun; call reset()")
         observation, base, terminated, truncated, info = self.env.step(action)
         self._steps += 1
-        values = self._read(observation, info)
-        step = self._run.step(
-            numbers_of_one(self._signal_names, values, self.on_nan, self._steps), bool(terminated)
-        )
-        base, ours = float(base), self.weight * step.paid
+        base = reward_number(base, self.env, after(self._steps))
+        step = self._run.step(self._read(self.env, observation, info, self._steps), bool(terminated))
+        ours = self.weight * step.paid
         reward = ours if self.replace else base + ours
         if self._observer is not None:
             observation = self._observer.append(observation, step.observed)

@@ -105,14 +105,14 @@ def recorded_walk(
         dt = step_seconds(problem, env)
         has_pack = not problem.signals and problem.env in SIGNAL_PACKS
         signals = signal_pack(problem.env).signals if has_pack else run.behaviour.signals
-        read = reader_of_one(env, tuple(signal.name for signal in signals), problem.signal_sources)
+        read = reader_of_one(env, tuple(signal.name for signal in signals), problem.signal_sources, "outside")
         limbs = Limbs.of(env)
         rows, ends, steps = [], [], []
         for step in _steps(env, policy, episode, seconds / dt):
             steps.append(step)
             # Signals are columns of what the environment itself shows; some count from its end.
             own = step.observation[: len(step.observation) - appended] if appended else step.observation
-            rows.append(read(own, step.info))
+            rows.append(read(env, own, step.info, len(rows)))
             if limbs is not None:
                 ends.append(limbs.ends())
     return RecordedWalk(

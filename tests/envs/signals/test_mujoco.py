@@ -418,14 +418,14 @@ def test_contacts_and_loads_are_the_same_whether_read_alone_or_together():
     contacts, loads = (
         tuple(f"{side}_{name}" for side in ("left", "right")) for name in ("foot_contact", "load")
     )
-    alone, heavy, both = (pack.row_reader(env, names) for names in (contacts, loads, (*contacts, *loads)))
+    alone, heavy, both = (pack.row_reader(names) for names in (contacts, loads, (*contacts, *loads)))
     env.reset(seed=0)
     env.action_space.seed(0)
     seen = set()
     for _ in range(300):
-        observation, _, ended, _, info = env.step(env.action_space.sample())
-        row = both(observation, info)
-        assert alone(observation, info) + heavy(observation, info) == row
+        _, _, ended, _, _ = env.step(env.action_space.sample())
+        row = both(env)
+        assert alone(env) + heavy(env) == row
         assert [contact > 0 for contact in row[:2]] == [load > 0 for load in row[2:]]
         seen.add((row[:2], env.unwrapped.data.ncon))
         if ended:

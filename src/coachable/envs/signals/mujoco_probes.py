@@ -39,6 +39,11 @@ class MujocoSimulation:
         self._qpos, self._contact, self._force = self.data.qpos, self.data.contact, np.zeros(6)
         self._normal_force = partial(self._force.item, 0)
 
+    def is_of(self, env: gymnasium.Env) -> bool:
+        """Whether the environment's model and data are still these."""
+        base: Any = env.unwrapped
+        return self.data is base.data and self.model is base.model
+
     @property
     def now(self) -> Any:
         """Where everything is at this moment, for a probe to keep; no forces, no velocities."""
@@ -153,8 +158,8 @@ def motor_power(simulation: MujocoSimulation) -> Reading:
 
 def weight(simulation: MujocoSimulation) -> Reading:
     """Of all bodies together."""
-    newtons = float(simulation.model.body_mass.sum() * -simulation.model.opt.gravity[Z])
-    return lambda: newtons
+    masses, gravity = simulation.model.body_mass, simulation.model.opt.gravity
+    return lambda: float(masses.sum() * -gravity[Z])
 
 
 def lean(*hinges: str) -> ReadingOf:
@@ -174,10 +179,15 @@ def foot_height(foot: str) -> ReadingOf:
     def of(simulation: MujocoSimulation) -> Reading:
         geom = simulation.model.geom(foot).id
         is_capsule = simulation.model.geom_type[geom] == simulation.mujoco.mjtGeom.mjGEOM_CAPSULE
-        radius, half_length = (simulation.model.geom_size[geom][:2] * (1.0, float(is_capsule))).tolist()
+        size = simulation.model.geom_size[geom]  # a view, for sizes may be drawn anew at a reset
         place, axes = simulation.now.geom_xpos[geom], simulation.now.geom_xmat[geom]
         floor = simulation.now.geom_xpos[simulation.floor]
-        return lambda: place.item(Z) - half_length * abs(axes.item(8)) - radius - floor.item(Z)
+
+        def reading() -> float:
+            half_length = size.item(1) if is_capsule else 0.0
+            return place.item(Z) - half_length * abs(axes.item(8)) - size.item(0) - floor.item(Z)
+
+        return reading
 
     return of
 
