@@ -15,6 +15,7 @@ from gymnasium.wrappers import FlattenObservation
 
 from coachable.behaviours import Behaviour, Comparison, Dwell, Edge, Phase, Signal
 from coachable.envs.behaviour_reward import BehaviourReward
+from coachable.envs.own_reward import OwnReward
 from coachable.envs.signals import signal_pack
 from coachable.foundation.errors import ParameterError, SignalError
 from coachable.rewards.described_reward import DescribedReward
@@ -441,3 +442,28 @@ def test_a_dictionary_can_be_flattened_first():
 
     env = BehaviourReward(FlattenObservation(Named(Pacing())), pacing(), BY_OBSERVATION, observe="memory")
     assert env.reset(options={"x": 1.0})[0].tolist() == [1.0, 0, 1, 0]
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        (lambda x: x / 0.0, "the environment Failing fails in step 2 with ZeroDivisionError"),
+        (lambda x: (np.zeros(1), math.nan, False, False, {}), "reward of Failing .* after step 2 it is nan"),
+        (
+            lambda x: (np.full(1, math.nan), 0.0, False, False, {}),
+            "observation of Failing has NaN after step 2",
+        ),
+        (lambda x: (np.zeros(1), 0.0, False, {}), "fails in step 2 with ValueError: not enough values"),
+    ],
+)
+def test_what_an_environment_of_a_plan_does_wrong_is_a_sentence(fault, message):
+    class Failing(Pacing):
+        def step(self, action):
+            done = super().step(action)
+            return done if self.steps < 2 else fault(self.x)
+
+    env = OwnReward(Failing(), {})
+    env.reset(seed=0)
+    env.step([0.0])
+    with pytest.raises(SignalError, match=message):
+        env.step([0.0])

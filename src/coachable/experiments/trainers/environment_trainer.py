@@ -47,10 +47,6 @@ class EnvironmentTrainer(Trainer):
                 env.step(env.action_space.sample())
             except CoachableError as error:
                 raise PlanError(f"setup {setup.name!r}: {error}") from None
-            except (KeyError, IndexError) as error:
-                raise PlanError(
-                    f"setup {setup.name!r}: a signal is not where the plan has it: {error!r}"
-                ) from None
             finally:
                 env.close()
 
