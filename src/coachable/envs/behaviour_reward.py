@@ -12,7 +12,8 @@ from gymnasium.utils import RecordConstructorArgs
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.observed_memory import MemoryObserver, Observe
-from coachable.envs.signals.reading import OnNaN, Signals, after, reader_of_one, reward_number, time_step
+from coachable.envs.signals.reading import OnNaN, Signals, after, reader_of_one, reward_number
+from coachable.envs.signals.time_step import one_step_counted, time_step
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.rewards.described_reward import DescribedReward
@@ -47,7 +48,8 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         weight: what the behaviour's reward is multiplied with.
         replace: whether it is paid in the place of the environment's own.
         form, cycle_bonus: how the behaviour pays; see `DescribedReward`.
-        dt: the time between two steps [s]; by default the environment's `dt`, or else 1/`render_fps`.
+        dt: the time between two steps [s]; by default the environment's `dt`, or else 1/`render_fps`. It
+            must be given where a wrapper takes several steps for one.
         on_nan: `"raise"`, or `"outside"` to take a state with a NaN signal as outside of all phases.
         observe: `"memory"` to append to the observation what the form shows of its memory, without which the
             problem is not Markov: for most forms the phase, as K+1 numbers of which one is 1. To a row of
@@ -101,6 +103,7 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         if self._observer is not None:
             self.observation_space = self._observer.space
         self._steps: int | None = None
+        self._untried_dt = untried_dt(self.behaviour_reward, dt)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -118,7 +121,12 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         """One step of the environment, paid for where it led."""
         if self._steps is None:
             raise ResetNeeded("no episode has begun; call reset()")
-        observation, base, terminated, truncated, info = self.env.step(action)
+        if self._untried_dt is None:
+            observation, base, terminated, truncated, info = self.env.step(action)
+        else:
+            with one_step_counted(self.env, self._untried_dt):
+                observation, base, terminated, truncated, info = self.env.step(action)
+            self._untried_dt = None
         self._steps += 1
         base = reward_number(base, self.env, after(self._steps))
         step = self._run.step(self._read(self.env, observation, info, self._steps), bool(terminated))
@@ -154,6 +162,11 @@ def described_reward(
     """The reward of a behaviour in an environment, which knows its own dt."""
     behaviour = behaviour if isinstance(behaviour, Behaviour) else load_behaviour(behaviour)
     return DescribedReward(behaviour, form, time_step(env) if dt is None else dt, cycle_bonus)
+
+
+def untried_dt(reward: DescribedReward, dt: int | float | None) -> float | None:
+    """The time step that is the environment's own and matters, so that the first step has to show it."""
+    return reward.dt if dt is None and reward.tracker.has_dwells else None
 
 
 def taken(key: str) -> ParameterError:

@@ -15,9 +15,10 @@ from gymnasium.vector.utils import batch_space, concatenate, create_empty_array,
 from jaxtyping import Bool, Float
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.envs.behaviour_reward import described_reward, require_known_on_nan, taken
+from coachable.envs.behaviour_reward import described_reward, require_known_on_nan, taken, untried_dt
 from coachable.envs.observed_memory import MemoryObserver, Observe
 from coachable.envs.signals.reading import OnNaN, Signals, after, reader_of_many, reward_numbers
+from coachable.envs.signals.time_step import one_step_counted, require_single_steps
 from coachable.envs.vector_infos import at_the_end, masked, only
 from coachable.foundation.errors import ParameterError
 from coachable.rewards.described_reward import VERDICTS, RewardMemory, StepInfo
@@ -83,6 +84,8 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
         self._memory: RewardMemory | None = None
         self._ended = np.zeros(env.num_envs, bool)
         self._steps = 0
+        self._untried_dt = untried_dt(reward, dt)
+        require_single_steps(env, self._untried_dt)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -104,7 +107,12 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
         """One step of every environment, paid for where it led."""
         if self._memory is None:
             raise ResetNeeded("no episode has begun; call reset()")
-        observations, base, terminated, truncated, infos = self.env.step(actions)
+        if self._untried_dt is None:
+            observations, base, terminated, truncated, infos = self.env.step(actions)
+        else:
+            with one_step_counted(self.env, self._untried_dt):
+                observations, base, terminated, truncated, infos = self.env.step(actions)
+            self._untried_dt = None
         self._steps += 1
         base = reward_numbers(base, self.env, after(self._steps))
         everyone, ended = np.ones(self.num_envs, bool), np.asarray(terminated | truncated)

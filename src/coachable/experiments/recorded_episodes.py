@@ -19,7 +19,8 @@ from coachable.envs.own_reward import OWN
 from coachable.envs.problem import EnvironmentProblem
 from coachable.envs.signals import SIGNAL_PACKS, signal_pack
 from coachable.envs.signals.limbs import Limbs
-from coachable.envs.signals.reading import reader_of_one, time_step
+from coachable.envs.signals.reading import reader_of_one
+from coachable.envs.signals.time_step import time_step
 from coachable.experiments.assessment import actor
 from coachable.experiments.experiment import EVALUATION_SEED, Which
 from coachable.experiments.plant_walks import recorded_plant_walk

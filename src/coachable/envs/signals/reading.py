@@ -250,21 +250,6 @@ def reward_numbers(rewards: Any, env: gymnasium.vector.VectorEnv, when: str) -> 
     return array
 
 
-def time_step(env: Any) -> float | None:
-    """The time between two steps [s] that an environment gives: its `dt`, or the time of a picture."""
-    base = env.unwrapped
-    dt = getattr(base, "dt", None)
-    if isinstance(dt, _REAL) and dt > 0:
-        return float(dt)
-    if getattr(base, "envs", None):
-        return time_step(base.envs[0])
-    pictures = (base.metadata or {}).get("render_fps")
-    return 1 / float(pictures) if isinstance(pictures, _REAL) and pictures > 0 else None
-
-
-_REAL = int | float | np.floating
-
-
 def _is_nan(name: str, when: str, absent: str) -> str:
     if absent:
         return (
