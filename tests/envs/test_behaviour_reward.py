@@ -15,6 +15,7 @@ from gymnasium.wrappers import FlattenObservation
 
 from coachable.behaviours import Behaviour, Comparison, Dwell, Edge, Phase, Signal
 from coachable.envs.behaviour_reward import BehaviourReward
+from coachable.envs.own_reward import OwnReward
 from coachable.envs.signals import signal_pack
 from coachable.foundation.errors import ParameterError, SignalError
 from coachable.rewards.described_reward import DescribedReward
@@ -289,11 +290,56 @@ def test_a_nan_can_count_as_outside():
     assert env.step([0.0])[-1]["behaviour"]["phase"] == "right"
 
 
-def test_what_a_signals_function_raises_comes_with_its_name():
-    env = wrapped(signals={"x": lambda env, observation, info: info["y"]})
-    with pytest.raises(KeyError) as told:
-        env.reset()
-    assert any("'x'" in note for note in told.value.__notes__)
+@pytest.mark.parametrize(
+    ("read", "message"),
+    [
+        (lambda env, observation, info: info["y"], "'x' is NaN after the reset, .* no entry 'y'"),
+        (lambda env, observation, info: {}["y"], "'x' cannot be read after the reset: .* KeyError: 'y'"),
+        (lambda env, observation, info: observation[7], "'x' cannot be read after the reset: .*IndexError"),
+        (lambda env, observation, info: env.nothing, "after the reset: .*AttributeError: .*'nothing'"),
+        (lambda env, observation, info: None, "'x' must be one number, but after the reset it is None"),
+        (lambda env, observation, info: "0.5", "must be one number, but after the reset it is '0.5'"),
+        (lambda env, observation, info: observation, r"'x' must be one number, .* its shape is \(1,\)"),
+        (lambda env, observation, info: 1j, "must be one number, but after the reset it is 1j"),
+        (lambda env, observation, info: np.datetime64("2020"), "'x' must be one number, but"),
+        (lambda env, observation, info: np.ma.masked, "'x' is NaN after the reset; mend it"),
+        (lambda env, observation, info: np.ma.array([1.0], mask=True)[0], "'x' is NaN after the reset"),
+    ],
+)
+def test_a_function_that_reads_no_number_is_named(read, message):
+    with pytest.raises(SignalError, match=message):
+        wrapped(signals={"x": read}).reset()
+
+
+class Paying(Pacing):
+    """Pays what it is given to pay in its second step."""
+
+    pays = 0.0
+
+    def step(self, action):
+        observation, reward, *others = super().step(action)
+        return observation, self.pays if self.steps == 2 else reward, *others
+
+
+@pytest.mark.parametrize(
+    "pays", [np.array([0.5]), "0.5", None, math.nan, np.float32(math.nan), -math.inf, 1j, [1.0], np.ma.masked]
+)
+def test_a_reward_that_is_no_number_is_named_in_its_step(pays):
+    env = BehaviourReward(Paying(), pacing(), BY_OBSERVATION)
+    env.unwrapped.pays = pays
+    env.reset()
+    env.step([0.0])
+    with pytest.raises(SignalError, match="reward of Paying must be one finite number, but after step 2 it"):
+        env.step([0.0])
+
+
+@pytest.mark.parametrize("pays", [1, True, np.float32(0.5), np.array(0.5), np.int64(3)])
+def test_a_reward_of_another_type_is_a_number(pays):
+    env = BehaviourReward(Paying(), pacing(), BY_OBSERVATION, weight=0.0)
+    env.unwrapped.pays = pays
+    env.reset()
+    env.step([0.0])
+    assert env.step([0.0])[1] == float(pays)
 
 
 def test_a_step_needs_a_reset():
@@ -396,3 +442,28 @@ def test_a_dictionary_can_be_flattened_first():
 
     env = BehaviourReward(FlattenObservation(Named(Pacing())), pacing(), BY_OBSERVATION, observe="memory")
     assert env.reset(options={"x": 1.0})[0].tolist() == [1.0, 0, 1, 0]
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        (lambda x: x / 0.0, "the environment Failing fails in step 2 with ZeroDivisionError"),
+        (lambda x: (np.zeros(1), math.nan, False, False, {}), "reward of Failing .* after step 2 it is nan"),
+        (
+            lambda x: (np.full(1, math.nan), 0.0, False, False, {}),
+            "observation of Failing has NaN after step 2",
+        ),
+        (lambda x: (np.zeros(1), 0.0, False, {}), "fails in step 2 with ValueError: not enough values"),
+    ],
+)
+def test_what_an_environment_of_a_plan_does_wrong_is_a_sentence(fault, message):
+    class Failing(Pacing):
+        def step(self, action):
+            done = super().step(action)
+            return done if self.steps < 2 else fault(self.x)
+
+    env = OwnReward(Failing(), {})
+    env.reset(seed=0)
+    env.step([0.0])
+    with pytest.raises(SignalError, match=message):
+        env.step([0.0])

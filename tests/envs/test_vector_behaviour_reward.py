@@ -249,7 +249,7 @@ def test_a_nan_is_named_with_its_environments_or_counts_as_outside():
     signals = {"x": lambda env, observations, infos: next(values)}
     env = vector(signals)
     env.reset()
-    with pytest.raises(SignalError, match="'x' is NaN after a step in environment 1, 3"):
+    with pytest.raises(SignalError, match="'x' is NaN after step 1 in environment 1, 3"):
         env.step(np.zeros((NUM, 1)))
     env = vector(signals, on_nan="outside")
     env.reset()

@@ -40,6 +40,10 @@ class Count:
             except KeyboardInterrupt:
                 self.path.write_text(str(number))
                 raise
+            if self.ends == "hangs":
+                self.path.with_suffix(".hangs").touch()
+                while True:
+                    pass
             if self.ends == "waits":
                 time.sleep(0.05)
             if number == 5:
@@ -98,6 +102,54 @@ def test_ctrl_c_lets_every_lane_save_and_the_next_run_goes_on(tmp_path):
     assert all(int(work.path.read_text()) < 10 for work in works if work.path.exists())
     run_lanes(works, 2, lambda index, progress: None, nothing)
     assert [work.path.read_text() for work in works] == ["10", "10"]
+
+
+def test_a_lane_that_hangs_in_a_step_is_ended(tmp_path):
+    work, began = Count(tmp_path / "0", "hangs"), []
+
+    def interrupt():
+        if (tmp_path / "0.hangs").exists():
+            began.append(time.monotonic())
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_lanes([work], 1, lambda index, progress: None, interrupt)
+    assert time.monotonic() - began[0] < 10
+    assert multiprocessing.active_children() == []
+
+
+def test_a_lane_that_hangs_ends_when_its_parent_is_killed(tmp_path):
+    program = (
+        "import os, pathlib, sys\n"
+        "from coachable.experiments.trainers.lane_processes import run_lanes\n"
+        "from tests.experiments.test_lane_processes import Count, nothing\n"
+        "path = pathlib.Path(sys.argv[1])\n"
+        "work = Count(path, 'hangs')\n"
+        "def watch():\n"
+        "    import multiprocessing\n"
+        "    if path.with_suffix('.hangs').exists():\n"
+        "        print(multiprocessing.active_children()[0].pid, flush=True)\n"
+        "        os.kill(os.getpid(), 9)\n"
+        "if __name__ == '__main__':\n"
+        "    run_lanes([work], 1, lambda index, progress: None, watch)\n"
+    )
+    (tmp_path / "program.py").write_text(program)
+    root = str(Path(__file__).parents[2])
+    command = [sys.executable, str(tmp_path / "program.py"), str(tmp_path / "0")]
+    environ = os.environ | {"PYTHONPATH": os.pathsep.join([os.environ.get("PYTHONPATH", ""), root])}
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=120, env=environ)
+    assert done.returncode == -signal.SIGKILL
+    child = int(done.stdout)
+    for _ in range(600):
+        try:
+            os.kill(child, 0)
+        except ProcessLookupError:
+            return
+        if Path(f"/proc/{child}/stat").read_text().split()[2] == "Z":
+            return  # ended; nobody has asked for its end
+        time.sleep(0.05)
+    os.kill(child, signal.SIGKILL)
+    raise AssertionError("the lane goes on without its parent")
 
 
 def test_processes_that_are_just_beginning_leave_ctrl_c_to_the_one_that_started_them(tmp_path):

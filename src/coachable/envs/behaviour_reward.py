@@ -12,7 +12,8 @@ from gymnasium.utils import RecordConstructorArgs
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.observed_memory import MemoryObserver, Observe
-from coachable.envs.signals.reading import OnNaN, Signals, numbers_of_one, reader_of_one, time_step
+from coachable.envs.signals.reading import OnNaN, Signals, after, reader_of_one, reward_number
+from coachable.envs.signals.time_step import one_step_counted, time_step
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.rewards.described_reward import DescribedReward
@@ -47,7 +48,8 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         weight: what the behaviour's reward is multiplied with.
         replace: whether it is paid in the place of the environment's own.
         form, cycle_bonus: how the behaviour pays; see `DescribedReward`.
-        dt: the time between two steps [s]; by default the environment's `dt`, or else 1/`render_fps`.
+        dt: the time between two steps [s]; by default the environment's `dt`, or else 1/`render_fps`. It
+            must be given where a wrapper takes several steps for one.
         on_nan: `"raise"`, or `"outside"` to take a state with a NaN signal as outside of all phases.
         observe: `"memory"` to append to the observation what the form shows of its memory, without which the
             problem is not Markov: for most forms the phase, as K+1 numbers of which one is 1. To a row of
@@ -55,7 +57,8 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         key: where the info, and in a `Dict` the memory, is found if `behaviour` is taken.
 
     **Raises:** `ParameterError` for a missing signal, an observation to which nothing can be appended and
-    what `DescribedReward` raises; from `reset` and `step` `SignalError` for a signal that is no number.
+    what `DescribedReward` raises; from `reset` and `step` `SignalError` for a signal or a reward
+    that is no number.
     """
 
     def __init__(
@@ -93,14 +96,14 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         self._run = RunReward(self.behaviour_reward)
         self.on_nan: OnNaN = on_nan
         self.weight, self.replace, self.key = weight, replace, key
-        self._signal_names = self.behaviour_reward.behaviour.signal_names
-        self._read = reader_of_one(env, self._signal_names, signals)
+        self._read = reader_of_one(env, self.behaviour_reward.behaviour.signal_names, signals, on_nan)
         self._observer = MemoryObserver.of(
             observe, self.behaviour_reward.observation_names, env.observation_space, key
         )
         if self._observer is not None:
             self.observation_space = self._observer.space
         self._steps: int | None = None
+        self._untried_dt = untried_dt(self.behaviour_reward, dt)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -108,8 +111,7 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         """Begin an episode; nothing is remembered of the last one."""
         self._steps = None
         observation, info = self.env.reset(seed=seed, options=options)
-        values = self._read(observation, info)
-        begun = self._run.begin(numbers_of_one(self._signal_names, values, self.on_nan, 0))
+        begun = self._run.begin(self._read(self.env, observation, info, 0))
         self._steps = 0
         if self._observer is not None:
             observation = self._observer.append(observation, begun.observed)
@@ -119,13 +121,16 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         """One step of the environment, paid for where it led."""
         if self._steps is None:
             raise ResetNeeded("no episode has begun; call reset()")
-        observation, base, terminated, truncated, info = self.env.step(action)
+        if self._untried_dt is None:
+            observation, base, terminated, truncated, info = self.env.step(action)
+        else:
+            with one_step_counted(self.env, self._untried_dt):
+                observation, base, terminated, truncated, info = self.env.step(action)
+            self._untried_dt = None
         self._steps += 1
-        values = self._read(observation, info)
-        step = self._run.step(
-            numbers_of_one(self._signal_names, values, self.on_nan, self._steps), bool(terminated)
-        )
-        base, ours = float(base), self.weight * step.paid
+        base = reward_number(base, self.env, after(self._steps))
+        step = self._run.step(self._read(self.env, observation, info, self._steps), bool(terminated))
+        ours = self.weight * step.paid
         reward = ours if self.replace else base + ours
         if self._observer is not None:
             observation = self._observer.append(observation, step.observed)
@@ -157,6 +162,11 @@ def described_reward(
     """The reward of a behaviour in an environment, which knows its own dt."""
     behaviour = behaviour if isinstance(behaviour, Behaviour) else load_behaviour(behaviour)
     return DescribedReward(behaviour, form, time_step(env) if dt is None else dt, cycle_bonus)
+
+
+def untried_dt(reward: DescribedReward, dt: int | float | None) -> float | None:
+    """The time step that is the environment's own and matters, so that the first step has to show it."""
+    return reward.dt if dt is None and reward.tracker.has_dwells else None
 
 
 def taken(key: str) -> ParameterError:

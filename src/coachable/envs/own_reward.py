@@ -6,8 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
+import numpy as np
 
-from coachable.foundation.errors import ParameterError
+from coachable.envs.signals.pack import environment_name
+from coachable.envs.signals.reading import after, reward_number
+from coachable.foundation.errors import CoachableError, ParameterError, SignalError
 
 OWN = "environment"
 """The key of an info under which the environment's own reward stands."""
@@ -19,19 +22,56 @@ class OwnReward(gymnasium.Wrapper):
     **Arguments:** `terms`, weights of numbers in the environment's info; if given, the reward is their
     weighted sum in place of the environment's own.
 
-    **Raises:** from `step`, `ParameterError` for a term that the info does not have.
+    **Raises:** from `reset` and `step`, `SignalError` with the environment's name and the step for whatever
+    the environment raises, an observation with NaN, and a reward that is no finite number; from `step`,
+    `ParameterError` for a term that the info does not have.
     """
 
     def __init__(self, env: gymnasium.Env, terms: Mapping[str, float]):
         super().__init__(env)
         self._terms = terms
+        self._steps = 0
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
+        """Begin an episode."""
+        self._steps = 0
+        try:
+            observation, info = self.env.reset(seed=seed, options=options)
+        except Exception as error:
+            raise self._failed("reset", error) from error
+        self._require_numbers(observation)
+        return observation, info
 
     def step(self, action: Any) -> Any:
         """One step; its info has the environment's own reward under `OWN`."""
-        observation, reward, terminated, truncated, info = self.env.step(action)
-        own = float(reward)
+        self._steps += 1
+        try:
+            observation, reward, terminated, truncated, info = self.env.step(action)
+        except Exception as error:
+            raise self._failed(f"step {self._steps}", error) from error
+        self._require_numbers(observation)
+        reward = own = reward_number(reward, self.env, after(self._steps))
         if self._terms:
             if missing := [name for name in self._terms if name not in info]:
                 raise ParameterError(f"the environment's info has no term {missing[0]!r}; it has {[*info]}")
-            reward = sum(weight * float(info[name]) for name, weight in self._terms.items())
+            reward = sum(
+                weight * reward_number(info[name], self.env, after(self._steps), name)
+                for name, weight in self._terms.items()
+            )
         return observation, reward, terminated, truncated, {**info, OWN: own}
+
+    def _require_numbers(self, observation: Any) -> None:
+        if (
+            isinstance(observation, np.ndarray)
+            and observation.dtype.kind == "f"
+            and np.isnan(observation).any()
+        ):
+            raise SignalError(
+                f"the observation of {environment_name(self.env)} has NaN {after(self._steps)}: {observation}"
+            )
+
+    def _failed(self, where: str, error: Exception) -> CoachableError:
+        if isinstance(error, CoachableError):
+            return error
+        name, kind = environment_name(self.env), type(error).__name__
+        return SignalError(f"the environment {name} fails in {where} with {kind}: {error}")

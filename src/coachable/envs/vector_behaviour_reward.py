@@ -15,9 +15,10 @@ from gymnasium.vector.utils import batch_space, concatenate, create_empty_array,
 from jaxtyping import Bool, Float
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.envs.behaviour_reward import described_reward, require_known_on_nan, taken
+from coachable.envs.behaviour_reward import described_reward, require_known_on_nan, taken, untried_dt
 from coachable.envs.observed_memory import MemoryObserver, Observe
-from coachable.envs.signals.reading import OnNaN, Signals, numbers_of_many, reader_of_many
+from coachable.envs.signals.reading import OnNaN, Signals, after, reader_of_many, reward_numbers
+from coachable.envs.signals.time_step import one_step_counted, require_single_steps
 from coachable.envs.vector_infos import at_the_end, masked, only
 from coachable.foundation.errors import ParameterError
 from coachable.rewards.described_reward import VERDICTS, RewardMemory, StepInfo
@@ -72,7 +73,7 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
         self.weight, self.replace, self.key = weight, replace, key
         reward = self.behaviour_reward
         same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
-        self._read = reader_of_many(env, reward.behaviour.signal_names, signals, same_step)
+        self._read = reader_of_many(env, reward.behaviour.signal_names, signals, on_nan, same_step)
         self._observer = MemoryObserver.of(
             observe, reward.observation_names, env.single_observation_space, key
         )
@@ -82,6 +83,9 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
         self._names = np.array(self.behaviour_reward.phase_names, object)
         self._memory: RewardMemory | None = None
         self._ended = np.zeros(env.num_envs, bool)
+        self._steps = 0
+        self._untried_dt = untried_dt(reward, dt)
+        require_single_steps(env, self._untried_dt)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -93,6 +97,7 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
             if self._memory is None and not chosen.all():
                 raise ResetNeeded("some environments have never been reset; reset them all first")
         observations, infos = self.env.reset(seed=seed, options=options)  # pyright: ignore[reportArgumentType]
+        self._steps = 0
         self._begin(chosen, self._signals(observations, infos, "after the reset", chosen))
         self._ended &= ~chosen
         info = only(self._info_at_the_start(), chosen)
@@ -102,21 +107,30 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
         """One step of every environment, paid for where it led."""
         if self._memory is None:
             raise ResetNeeded("no episode has begun; call reset()")
-        observations, base, terminated, truncated, infos = self.env.step(actions)
+        if self._untried_dt is None:
+            observations, base, terminated, truncated, infos = self.env.step(actions)
+        else:
+            with one_step_counted(self.env, self._untried_dt):
+                observations, base, terminated, truncated, infos = self.env.step(actions)
+            self._untried_dt = None
+        self._steps += 1
+        base = reward_numbers(base, self.env, after(self._steps))
         everyone, ended = np.ones(self.num_envs, bool), np.asarray(terminated | truncated)
         begun_in_the_step = ended & (self.autoreset_mode is AutoresetMode.SAME_STEP)
         last_observations, last_infos = observations, infos
         if begun_in_the_step.any():
             last_observations, last_infos = self._at_the_end(observations, infos, ended)
-        signals = self._signals(last_observations, last_infos, "after a step", everyone)
+        signals = self._signals(last_observations, last_infos, after(self._steps), everyone)
         self._memory, paid, step = self.behaviour_reward.step(self._memory, signals, np.asarray(terminated))
-        info, ours = self._info(step, np.asarray(base), paid)
+        info, ours = self._info(step, base, paid)
         if self._ended.any():
             self._begin(self._ended, signals)
             info, ours = self._begun(info, self._ended), np.where(self._ended, 0.0, ours)
         if begun_in_the_step.any():
             infos = self._with_the_end(infos, info, ended)
-            self._begin(ended, self._signals(observations, infos, "after a reset", ended))
+            self._begin(
+                ended, self._signals(observations, infos, f"after the reset in step {self._steps}", ended)
+            )
             info = self._begun(info, ended)
         self._ended = ended & ~begun_in_the_step
         rewards = ours if self.replace else base + ours
@@ -126,8 +140,7 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
     def _signals(
         self, observations: Any, infos: Mapping[str, Any], when: str, chosen: Envs
     ) -> Float[np.ndarray, "envs num_signals"]:
-        names = self.behaviour_reward.behaviour.signal_names
-        return numbers_of_many(names, self._read(observations, infos), self.on_nan, when, chosen)
+        return self._read(self.env, observations, infos, when, chosen)
 
     def _begin(self, chosen: Envs, signals: Float[np.ndarray, "envs num_signals"]) -> None:
         """The chosen ones remember nothing but where they are."""

@@ -42,11 +42,18 @@ def _replaced(infos: Mapping[str, Any], last: Mapping[str, Any], ended: np.ndarr
     for name in {**infos, **last}:
         if name in _OF_THE_END:
             continue
-        if name not in infos or name not in last:
-            merged[name] = last[name] if name in last else infos[name]
-        elif isinstance(infos[name], dict):
+        if name not in infos:
+            merged[name] = last[name]
+            if not name.startswith("_"):
+                merged.setdefault(f"_{name}", ended)
+        elif name in last and isinstance(infos[name], dict):
             merged[name] = _replaced(infos[name], last[name], ended)
-        else:
-            merged[name] = np.array(infos[name])
-            merged[name][ended] = np.asarray(last[name])[ended]
+        elif name in last:
+            merged[name] = np.where(
+                ended.reshape(-1, *[1] * (np.ndim(infos[name]) - 1)), np.asarray(last[name]), infos[name]
+            )
+        else:  # whoever has ended had no such entry; what is there is of the next episode
+            merged.setdefault(name, infos[name])
+            if not name.startswith("_"):
+                merged[f"_{name}"] = infos.get(f"_{name}", True) & ~ended
     return merged

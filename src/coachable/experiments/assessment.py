@@ -126,6 +126,16 @@ class _InEnvironment(Assessment):
         return {}
 
 
+LONGEST_EPISODE = 10_000
+"""Steps after which an evaluation ends an episode of an environment that has no time limit."""
+
+
+def most_steps(env: gymnasium.Env) -> float:
+    """How many steps an episode of an evaluation may take; no bound where the environment has its own."""
+    limited = env.spec is not None and env.spec.max_episode_steps is not None
+    return np.inf if limited else LONGEST_EPISODE
+
+
 def roll_out_episodes(
     env: gymnasium.Env,
     policy: Policy,
@@ -133,8 +143,11 @@ def roll_out_episodes(
     sums_of: Callable[[Mapping[str, Any]], Mapping[str, float]],
     behaviour: Behaviour,
 ) -> Columns:
-    """Episode after episode of a policy, a row each; episode i is reset with `EVALUATION_SEED` + i."""
-    log = Log()
+    """Episode after episode of a policy, a row each; episode i is reset with `EVALUATION_SEED` + i.
+
+    An episode of an environment without a time limit ends after `LONGEST_EPISODE` steps.
+    """
+    log, limit = Log(), most_steps(env)
     act = actor(policy)
     for episode in range(count):
         observation, info = env.reset(seed=EVALUATION_SEED + episode)
@@ -142,7 +155,7 @@ def roll_out_episodes(
         sums = {"return": 0.0, OWN: 0.0, "behaviour": 0.0, "in_cycle": 0.0}
         length, terminated, truncated = 0, False, False
         locations = [info["behaviour"]["location"]]
-        while not (terminated or truncated):
+        while not (terminated or truncated) and length < limit:
             observation, reward, terminated, truncated, info = env.step(act(observation))
             length += 1
             locations.append(info["behaviour"]["location"])

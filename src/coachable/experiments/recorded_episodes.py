@@ -19,8 +19,9 @@ from coachable.envs.own_reward import OWN
 from coachable.envs.problem import EnvironmentProblem
 from coachable.envs.signals import SIGNAL_PACKS, signal_pack
 from coachable.envs.signals.limbs import Limbs
-from coachable.envs.signals.reading import reader_of_one, time_step
-from coachable.experiments.assessment import actor
+from coachable.envs.signals.reading import reader_of_one
+from coachable.envs.signals.time_step import time_step
+from coachable.experiments.assessment import actor, most_steps
 from coachable.experiments.experiment import EVALUATION_SEED, Which
 from coachable.experiments.plant_walks import recorded_plant_walk
 from coachable.experiments.recorded_walk import RecordedWalk
@@ -105,14 +106,14 @@ def recorded_walk(
         dt = step_seconds(problem, env)
         has_pack = not problem.signals and problem.env in SIGNAL_PACKS
         signals = signal_pack(problem.env).signals if has_pack else run.behaviour.signals
-        read = reader_of_one(env, tuple(signal.name for signal in signals), problem.signal_sources)
+        read = reader_of_one(env, tuple(signal.name for signal in signals), problem.signal_sources, "outside")
         limbs = Limbs.of(env)
         rows, ends, steps = [], [], []
         for step in _steps(env, policy, episode, seconds / dt):
             steps.append(step)
             # Signals are columns of what the environment itself shows; some count from its end.
             own = step.observation[: len(step.observation) - appended] if appended else step.observation
-            rows.append(read(own, step.info))
+            rows.append(read(env, own, step.info, len(rows)))
             if limbs is not None:
                 ends.append(limbs.ends())
     return RecordedWalk(
@@ -169,13 +170,13 @@ class _Step(NamedTuple):
     terminated: bool
 
 
-def _steps(env: gymnasium.Env, policy: Policy, episode: int, most_steps: float) -> Iterator[_Step]:
+def _steps(env: gymnasium.Env, policy: Policy, episode: int, wanted: float) -> Iterator[_Step]:
     """The start of an episode, and step after step of it, while the environment is as that step left it."""
-    act = actor(policy)
+    act, limit = actor(policy), min(wanted, most_steps(env))
     observation, info = env.reset(seed=EVALUATION_SEED + episode)
     yield _Step(observation, info, info["behaviour"]["location"], False, 0.0, 0.0, False)
     count, over = 0, False
-    while not over and count < most_steps:
+    while not over and count < limit:
         observation, _, terminated, truncated, info = env.step(act(observation))
         told = info["behaviour"]
         own, ours = float(info[OWN]), float(told["rewards"]["behaviour"])

@@ -28,7 +28,7 @@ class TraceError(CoachableError):
 
 
 class SignalError(CoachableError):
-    """An environment does not give a signal that a behaviour reads, or no number; the message names it."""
+    """An environment fails, or gives a signal or a reward that is no number; the message says which."""
 
 
 class PlanError(CoachableError):

@@ -418,14 +418,14 @@ def test_contacts_and_loads_are_the_same_whether_read_alone_or_together():
     contacts, loads = (
         tuple(f"{side}_{name}" for side in ("left", "right")) for name in ("foot_contact", "load")
     )
-    alone, heavy, both = (pack.row_reader(env, names) for names in (contacts, loads, (*contacts, *loads)))
+    alone, heavy, both = (pack.row_reader(names) for names in (contacts, loads, (*contacts, *loads)))
     env.reset(seed=0)
     env.action_space.seed(0)
     seen = set()
     for _ in range(300):
-        observation, _, ended, _, info = env.step(env.action_space.sample())
-        row = both(observation, info)
-        assert alone(observation, info) + heavy(observation, info) == row
+        _, _, ended, _, _ = env.step(env.action_space.sample())
+        row = both(env)
+        assert alone(env) + heavy(env) == row
         assert [contact > 0 for contact in row[:2]] == [load > 0 for load in row[2:]]
         seen.add((row[:2], env.unwrapped.data.ncon))
         if ended:
@@ -440,3 +440,43 @@ def test_a_described_human_gait_can_be_read_of_the_walker(robots):
     read = signal_pack(robots["Walker2d-v5"].env).reader(robots["Walker2d-v5"].env, behaviour.signal_names)
     robots["Walker2d-v5"].put()
     assert behaviour.phase_at(read(None, {})) is None, "in the air it is in none of the phases"
+
+
+FLOORS = {
+    "a floor of another name": ('name="floor"', 'name="ground"'),
+    "a box": (
+        "<worldbody>",
+        '<worldbody><geom name="block" type="box" pos="0 0 -0.1" size="9 9 0.2" conaffinity="1"/>',
+    ),
+    "a box that can move": (
+        "<worldbody>",
+        '<worldbody><body pos="0 0 0.1"><freejoint/>'
+        '<geom type="box" size="9 9 0.1" mass="900" conaffinity="1"/></body>',
+    ),
+}
+
+
+@pytest.mark.parametrize("what", FLOORS)
+def test_a_foot_stands_on_whatever_is_not_the_robot(what, tmp_path):
+    from pathlib import Path
+
+    from gymnasium.envs.mujoco import mujoco_env
+
+    path = Path(mujoco_env.__file__).parent / "assets" / "walker2d.xml"
+    (tmp_path / "walker.xml").write_text(path.read_text().replace(*FLOORS[what], 1))
+    env = gymnasium.make("Walker2d-v5", xml_file=str(tmp_path / "walker.xml"))
+    base, read = env.unwrapped, signal_pack("Walker2d-v5").reader(env)
+    env.reset(seed=0)
+    base.data.qpos[:], base.data.qvel[:] = base.init_qpos, 0.0  # without the noise of a start
+    mujoco.mj_forward(base.model, base.data)
+    level = 0.0 if what == "a floor of another name" else 0.1 if what == "a box" else 0.2
+    base.data.joint("rootz").qpos += level - read(None, {})["left_foot_height"] - 0.003
+    mujoco.mj_forward(base.model, base.data)
+    standing = read(None, {})
+    assert standing["left_foot_contact"] == standing["right_foot_contact"] == 1
+    assert standing["left_foot_height"] == pytest.approx(level - 0.003)
+    mujoco.mj_rnePostConstraint(base.model, base.data)
+    assert standing["left_load"] == pytest.approx(base.data.body("foot_left").cfrc_ext[5], rel=1e-6)
+    base.data.joint("rootz").qpos += 0.1
+    mujoco.mj_forward(base.model, base.data)
+    assert read(None, {})["left_foot_contact"] == read(None, {})["left_load"] == 0

@@ -24,6 +24,10 @@ class BipedalWalkerSimulation:
     def __init__(self, env: gymnasium.Env):
         self._env: Any = env.unwrapped
 
+    def is_of(self, env: gymnasium.Env) -> bool:
+        """Whether it is this environment's."""
+        return self._env is env.unwrapped
+
     def look(self) -> None:
         """Nothing is kept, so there is nothing to do."""
 

@@ -30,7 +30,12 @@ from coachable.envs.signals.probes import Probe, ReadingOf, angle, probe
 
 def _foot(prefix: str, foot: str, ahead_of_hip: ReadingOf) -> tuple[Probe, ...]:
     return (
-        probe(f"{prefix}foot_contact", "", "1 while it presses on the floor, else 0", foot_contact(foot)),
+        probe(
+            f"{prefix}foot_contact",
+            "",
+            "1 while it presses on what is not the robot, else 0",
+            foot_contact(foot),
+        ),
         probe(f"{prefix}foot_x", "m", "how far its middle is ahead of the hip", ahead_of_hip),
         probe(f"{prefix}foot_height", "m", "of its lowest point over the floor", foot_height(foot)),
     )

@@ -21,7 +21,8 @@ class MujocoSimulation:
 
     After a step MuJoCo's positions of bodies and geoms are those before its last small step, while joints are
     where they are after it. So positions are worked out anew, on data of our own: the environment's stay as
-    they are. Contacts are those of that last small step.
+    they are. Contacts are those of that last small step, with whatever is not the robot: the floor under any
+    name, a box, a stair.
     """
 
     def __init__(self, env: gymnasium.Env):
@@ -29,15 +30,36 @@ class MujocoSimulation:
 
         self.model: Any = env.unwrapped.model  # pyright: ignore[reportAttributeAccessIssue]
         self.data: Any = env.unwrapped.data  # pyright: ignore[reportAttributeAccessIssue]
-        self.floor = int(self.model.geom("floor").id)
         self.mujoco: Any = mujoco
         self._place, self._contact_force = self.mujoco.mj_kinematics, self.mujoco.mj_contactForce
         self._now: Any = None
         self._touching: dict[int, float] | None = None
         self._loads: dict[int, float] | None = None
         # MuJoCo's bindings give the same views for as long as there is the data; asking again takes time.
+        self._roots: list[int] = np.asarray(self.model.body_rootid)[self.model.geom_bodyid].tolist()
         self._qpos, self._contact, self._force = self.data.qpos, self.data.contact, np.zeros(6)
         self._normal_force = partial(self._force.item, 0)
+
+    def is_of(self, env: gymnasium.Env) -> bool:
+        """Whether the environment's model and data are still these."""
+        base: Any = env.unwrapped
+        return self.data is base.data and self.model is base.model
+
+    @property
+    def floor(self) -> int:
+        """The geom called `floor`, or else the first plane that does not move.
+
+        **Raises:** `KeyError` if there is none.
+        """
+        model, plane = self.model, self.mujoco.mjtGeom.mjGEOM_PLANE
+        names = [model.geom(index).name for index in range(model.ngeom)]
+        if "floor" in names:
+            return names.index("floor")
+        fixed = np.asarray(model.body_weldid)[model.geom_bodyid] == 0
+        planes = np.flatnonzero(fixed & (np.asarray(model.geom_type) == plane))
+        if not len(planes):
+            raise KeyError("the model has no geom called 'floor', and no plane that could be it")
+        return int(planes[0])
 
     @property
     def now(self) -> Any:
@@ -49,20 +71,20 @@ class MujocoSimulation:
 
     @property
     def touching(self) -> dict[int, float]:
-        """The geoms that press on the floor at this moment, 1 for each, for a probe to keep."""
+        """The geoms that press on what is not their robot at this moment, 1 for each, for a probe to keep."""
         if self._touching is None:
             self._touching = {}
         return self._touching
 
     @property
     def loads(self) -> dict[int, float]:
-        """How hard [N] each of them does, for a probe to keep."""
+        """How hard [N] each of them is pressed upwards, for a probe to keep."""
         if self._loads is None:
             self._loads = {}
         return self._loads
 
     def look(self) -> None:
-        """Work out where everything is and what presses on the floor, each if a probe has asked for it."""
+        """Work out where everything is and what presses on what, each if a probe has asked for it."""
         if self._now is not None:
             self._now_qpos[:] = self._qpos
             self._place(self.model, self._now)
@@ -75,18 +97,26 @@ class MujocoSimulation:
             self._feel({} if touching is None else touching, loads)
 
     def _feel(self, touching: dict[int, float], loads: dict[int, float] | None) -> None:
-        """Find out what presses on the floor, and how hard if that is asked."""
-        floor = self.floor
-        for index, (geom, other) in enumerate(self._contact.geom.tolist()):
-            if other == floor:
-                geom, other = other, geom
+        """Find out what presses on another thing, and how hard it is pressed upwards if that is asked."""
+        roots, frames = self._roots, self._contact.frame
+        for index, pair in enumerate(self._contact.geom.tolist()):
+            one, other = pair
+            if one < 0 or other < 0 or roots[one] == roots[other]:
+                continue  # a robot's own parts, or what no geom is (flexible bodies)
             # Where loads do not matter, one contact that presses is as good as several.
-            if geom == floor and (loads is not None or other not in touching):
-                self._contact_force(self.model, self.data, index, self._force)
-                if (normal_force := self._normal_force()) > 0:
-                    touching[other] = 1.0
-                    if loads is not None:
-                        loads[other] = loads.get(other, 0.0) + normal_force
+            if loads is None and one in touching and other in touching:
+                continue
+            self._contact_force(self.model, self.data, index, self._force)
+            if (normal_force := self._normal_force()) > 0:
+                touching[one] = touching[other] = 1.0
+                if loads is not None:
+                    # The force acts on the second geom; the frame's rows are the normal and two tangents.
+                    rise, *slopes = frames[index][Z::3].tolist()
+                    upwards = rise * normal_force
+                    if any(slopes):
+                        upwards += slopes[0] * self._force.item(1) + slopes[1] * self._force.item(2)
+                    loads[other] = loads.get(other, 0.0) + upwards
+                    loads[one] = loads.get(one, 0.0) - upwards
 
 
 def joint(name: str, sign: int = 1) -> ReadingOf:
@@ -128,7 +158,7 @@ def torso(axis: int) -> ReadingOf:
 
 
 def foot_contact(foot: str) -> ReadingOf:
-    """Whether a geom presses on the floor, 1 or 0."""
+    """Whether a geom presses on what is not the robot, 1 or 0."""
 
     def of(simulation: MujocoSimulation) -> Reading:
         return partial(simulation.touching.get, int(simulation.model.geom(foot).id), 0.0)
@@ -137,7 +167,7 @@ def foot_contact(foot: str) -> ReadingOf:
 
 
 def foot_load(foot: str) -> ReadingOf:
-    """How hard a geom presses on the floor, which is level."""
+    """How hard the ground, or whatever it stands on, presses a geom upwards."""
 
     def of(simulation: MujocoSimulation) -> Reading:
         return partial(simulation.loads.get, int(simulation.model.geom(foot).id), 0.0)
@@ -153,8 +183,8 @@ def motor_power(simulation: MujocoSimulation) -> Reading:
 
 def weight(simulation: MujocoSimulation) -> Reading:
     """Of all bodies together."""
-    newtons = float(simulation.model.body_mass.sum() * -simulation.model.opt.gravity[Z])
-    return lambda: newtons
+    masses, gravity = simulation.model.body_mass, simulation.model.opt.gravity
+    return lambda: float(masses.sum() * -gravity[Z])
 
 
 def lean(*hinges: str) -> ReadingOf:
@@ -174,10 +204,15 @@ def foot_height(foot: str) -> ReadingOf:
     def of(simulation: MujocoSimulation) -> Reading:
         geom = simulation.model.geom(foot).id
         is_capsule = simulation.model.geom_type[geom] == simulation.mujoco.mjtGeom.mjGEOM_CAPSULE
-        radius, half_length = (simulation.model.geom_size[geom][:2] * (1.0, float(is_capsule))).tolist()
+        size = simulation.model.geom_size[geom]  # a view, for sizes may be drawn anew at a reset
         place, axes = simulation.now.geom_xpos[geom], simulation.now.geom_xmat[geom]
         floor = simulation.now.geom_xpos[simulation.floor]
-        return lambda: place.item(Z) - half_length * abs(axes.item(8)) - radius - floor.item(Z)
+
+        def reading() -> float:
+            half_length = size.item(1) if is_capsule else 0.0
+            return place.item(Z) - half_length * abs(axes.item(8)) - size.item(0) - floor.item(Z)
+
+        return reading
 
     return of
 

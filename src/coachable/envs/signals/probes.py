@@ -6,12 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
+import gymnasium
+
 from coachable.behaviours.predicates import Signal
 
 
 @runtime_checkable
 class Simulation(Protocol):
     """What is behind an environment."""
+
+    def is_of(self, env: gymnasium.Env) -> bool:
+        """Whether this is still what is behind the environment, and not a model that it had before."""
+        ...
 
     def look(self) -> None:
         """See what is so now; what is read afterwards is of this moment."""

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import gymnasium
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from coachable.envs.signals.pack import SIGNAL_PACKS, SignalPack, signal_pack
+from coachable.envs.signals.infos import AbsentEntry, Envs, Info, Infos
+from coachable.envs.signals.pack import SIGNAL_PACKS, RowReader, SignalPack, environment_name, signal_pack
 from coachable.envs.signals.sources import SignalFunction, Signals, SignalSources
 from coachable.foundation.errors import ParameterError, SignalError
 from coachable.foundation.suggestion import suggestion
 
 OnNaN = Literal["raise", "outside"]
-
-ReadAll = Callable[[Any, Mapping[str, Any]], Sequence[Any]]
-"""From an observation and its info to the signals in a row, in the order in which they were named."""
 
 
 def require_signals(names: tuple[str, ...], signals: Signals, environment: str | None) -> None:
@@ -49,41 +49,146 @@ def require_signals(names: tuple[str, ...], signals: Signals, environment: str |
             )
 
 
-def reader_of_one(env: gymnasium.Env, names: tuple[str, ...], signals: Signals) -> ReadAll:
+@dataclass(frozen=True, eq=False)
+class SignalReader:
+    """Reads named signals of one environment, each a number; it keeps nothing of the environment."""
+
+    names: tuple[str, ...]
+    own: Mapping[str, SignalFunction]
+    """The functions of those that have one."""
+    others: tuple[str, ...]
+    """The names that a pack reads."""
+    read_others: RowReader | None
+    on_nan: OnNaN
+
+    def __call__(
+        self, env: gymnasium.Env, observation: Any, info: Mapping[str, Any], steps: int
+    ) -> Sequence[float]:
+        """The signals in the order of their names, so many steps after the reset.
+
+        **Raises:** `SignalError`, naming the signal and the step, for a function that fails, what is no
+        single number, and for NaN if so wished; an entry that the info lacks is NaN.
+        """
+        row = () if self.read_others is None else self.read_others(env)
+        if not self.own and not any(value != value for value in row):
+            return row
+        values: dict[str, Any] = dict(zip(self.others, row, strict=True))
+        absent: dict[str, str] = {}
+        info = Info(info)
+        for name, function in self.own.items():
+            try:
+                values[name] = function(env.unwrapped, observation, info)
+            except AbsentEntry as error:
+                values[name], absent[name] = math.nan, repr(error.args[0])
+            except Exception as error:
+                raise SignalError(_failed(name, after(steps), error)) from error
+        numbers = []
+        for name in self.names:
+            value = values[name]
+            number = value if type(value) is float else float(_array(name, value, (), after(steps)))
+            if number != number and self.on_nan == "raise":
+                raise SignalError(_is_nan(name, after(steps), absent.get(name, "")))
+            numbers.append(number)
+        return numbers
+
+
+def reader_of_one(
+    env: gymnasium.Env, names: tuple[str, ...], signals: Signals, on_nan: OnNaN
+) -> SignalReader:
     """Reads the named signals of an environment: by functions, and those without one by the pack.
 
-    **Raises:** `ParameterError` if there is no pack, or a signal is neither in it nor in the mapping.
+    **Raises:** `ParameterError` if there is no pack, or a signal is neither in it nor in the mapping, nor in
+    the environment's model.
     """
     signals = signal_pack(env) if signals is None else signals
     spec = env.unwrapped.spec
     require_signals(names, signals, None if spec is None else spec.id)
-    if isinstance(signals, SignalPack):
-        return signals.row_reader(env, names)
-    own, others = _parted(names, signals)
-    read_own = _by_functions(env, own, signals)
+    own = {name: signals[name] for name in names if name in signals} if isinstance(signals, Mapping) else {}
+    others = tuple(name for name in names if name not in own)
     if not others:
-        return read_own
-    return _joined(names, own, read_own, others, _pack_of(signals, env).row_reader(env, others))
+        return SignalReader(names, own, (), None, on_nan)
+    pack = signals if isinstance(signals, SignalPack) else _pack_of(signals, env)
+    read_others = pack.row_reader(others)
+    read_others.look_up(env)
+    return SignalReader(names, own, others, read_others, on_nan)
+
+
+@dataclass(frozen=True, eq=False)
+class VectorSignalReader:
+    """The same for many environments; a pack reads them one by one."""
+
+    names: tuple[str, ...]
+    own: Mapping[str, SignalFunction]
+    others: tuple[str, ...]
+    read_others: tuple[RowReader, ...]
+    """One for each environment."""
+    on_nan: OnNaN
+
+    def __call__(
+        self,
+        env: gymnasium.vector.VectorEnv,
+        observations: Any,
+        infos: Mapping[str, Any],
+        when: str,
+        chosen: Envs,
+    ) -> Float[np.ndarray, "envs num_signals"]:
+        """The signals in columns; what is NaN, or fails, matters where an environment is chosen.
+
+        **Raises:** as `SignalReader`, naming the environments.
+        """
+        base: Any = env.unwrapped
+        values: dict[str, Any] = {}
+        absent: dict[str, str] = {}
+        if self.read_others:
+            rows = [read(one) for read, one in zip(self.read_others, base.envs, strict=True)]
+            values.update(zip(self.others, np.array(rows).T, strict=True))
+        noticing = Infos(infos, len(chosen))
+        for name, function in self.own.items():
+            noticing.forget()
+            try:
+                value, (keys, lacking) = function(base, observations, noticing), noticing.absent()
+            except AbsentEntry as error:
+                value, keys, lacking = None, repr(error.args[0]), np.ones(len(chosen), bool)
+            except Exception as error:
+                raise SignalError(_failed(name, when, error)) from error
+            if lacking.all():
+                value = np.full(len(chosen), math.nan)
+            elif lacking.any():
+                value = _array(name, value, chosen.shape, when, lacking | ~chosen)
+                value = np.where(lacking, math.nan, value)
+            values[name], absent[name] = value, keys
+        columns = []
+        for name in self.names:
+            column = _array(name, values[name], chosen.shape, when, ~chosen)
+            if self.on_nan == "raise" and (lost := np.isnan(column) & chosen).any():
+                where = ", ".join(map(str, np.flatnonzero(lost)))
+                raise SignalError(_is_nan(name, f"{when} in environment {where}", absent.get(name, "")))
+            columns.append(column)
+        return np.stack(columns).T
 
 
 def reader_of_many(
-    env: gymnasium.vector.VectorEnv, names: tuple[str, ...], signals: Signals, ends_unseen: bool
-) -> ReadAll:
-    """The same for a vector environment; a pack reads its environments one by one.
+    env: gymnasium.vector.VectorEnv,
+    names: tuple[str, ...],
+    signals: Signals,
+    on_nan: OnNaN,
+    ends_unseen: bool,
+) -> VectorSignalReader:
+    """The reader for a vector environment.
 
     **Arguments:** `ends_unseen`, whether episodes begin anew in the step that ends them, so that no one can
     look at the last state in a simulator.
 
     **Raises:** as `reader_of_one`, and if a pack would have to look where it cannot.
     """
-    own, others = _parted(names, signals if isinstance(signals, Mapping) else {})
-    envs, read_own = getattr(env.unwrapped, "envs", None), None
+    envs: Sequence[gymnasium.Env] | None = getattr(env.unwrapped, "envs", None)
+    own: dict[str, SignalFunction] = {}
     if isinstance(signals, Mapping):
         spec = envs[0].unwrapped.spec if envs else env.unwrapped.spec
         require_signals(names, signals, None if spec is None else spec.id)
-        read_own = _by_functions(env, own, signals)
-        if not others:
-            return read_own
+        own = {name: signals[name] for name in names if name in signals}
+        if len(own) == len(names):
+            return VectorSignalReader(names, own, (), (), on_nan)
     if envs is None or ends_unseen:
         why = (
             f"{env} does not show its environments"
@@ -94,24 +199,9 @@ def reader_of_many(
             f"a signal pack reads simulators, and {why}; give signals as functions of observations and "
             "infos, or put a BehaviourReward around each environment"
         )
-    if isinstance(signals, Mapping):
-        readers = [_pack_of(signals, one).row_reader(one, others) for one in envs]
-    else:
-        readers = [reader_of_one(one, names, signals) for one in envs]
-
-    def read(observations: Any, infos: Mapping[str, Any]) -> list[np.ndarray]:
-        return list(np.array([one(None, {}) for one in readers]).T)
-
-    return read if read_own is None else _joined(names, own, read_own, others, read)
-
-
-def _parted(
-    names: tuple[str, ...], signals: Mapping[str, SignalFunction]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The names that have a function, and those that have none."""
-    return tuple(name for name in names if name in signals), tuple(
-        name for name in names if name not in signals
-    )
+    readers = [reader_of_one(one, names, signals, on_nan) for one in envs]
+    rows = tuple(reader.read_others for reader in readers if reader.read_others is not None)
+    return VectorSignalReader(names, own, readers[0].others, rows, on_nan)
 
 
 def _pack_of(signals: Mapping[str, SignalFunction], env: gymnasium.Env) -> SignalPack:
@@ -119,99 +209,99 @@ def _pack_of(signals: Mapping[str, SignalFunction], env: gymnasium.Env) -> Signa
     return pack or signal_pack(env)
 
 
-def _joined(
-    names: tuple[str, ...], own: tuple[str, ...], read_own: ReadAll, others: tuple[str, ...], read: ReadAll
-) -> ReadAll:
-    """Reads some signals in one way and the others in another, in the order of all names."""
-    places = [(0, own.index(name)) if name in own else (1, others.index(name)) for name in names]
-
-    def read_both(observation: Any, info: Mapping[str, Any]) -> list[Any]:
-        values = read_own(observation, info), read(observation, info)
-        return [values[which][place] for which, place in places]
-
-    return read_both
+def after(steps: int) -> str:
+    """So many steps after a reset, in words."""
+    return f"after step {steps}" if steps else "after the reset"
 
 
-def numbers_of_one(
-    names: tuple[str, ...], values: Sequence[Any], on_nan: OnNaN, steps: int
-) -> Sequence[float]:
-    """The signals as numbers, so many steps after the reset.
+def reward_number(reward: Any, env: Any, when: str, term: str = "") -> float:
+    """What an environment pays, or a term of that in its info, as a number.
 
-    **Raises:** `SignalError`, naming the signal, for what is no single number, and for NaN if so wished.
+    **Raises:** `SignalError`, naming the environment and the step, for what is no single finite number.
     """
-    for value in values:
-        if type(value) is not float or value != value:
-            return _checked(names, values, on_nan, f"after step {steps}" if steps else "after the reset")
-    return values
+    if type(reward) is float and math.isfinite(reward):
+        return reward
+    number = _number(reward)
+    if number is None or not math.isfinite(number):
+        what = f"term {term!r} of the reward" if term else "reward"
+        raise SignalError(
+            f"the {what} of {environment_name(env)} must be one finite number, but {when} it is {reward!r}"
+        )
+    return number
 
 
-def _checked(names: tuple[str, ...], values: Sequence[Any], on_nan: OnNaN, when: str) -> list[float]:
-    numbers = []
-    for name, value in zip(names, values, strict=True):
-        number = float(_array(name, value, (), when))
-        if number != number and on_nan == "raise":
-            raise SignalError(f"signal {name!r} is NaN {when}; {_ON_NAN}")
-        numbers.append(number)
-    return numbers
+def reward_numbers(rewards: Any, env: gymnasium.vector.VectorEnv, when: str) -> Float[np.ndarray, " envs"]:
+    """What the environments of a vector environment pay, as they return it.
 
-
-def numbers_of_many(
-    names: tuple[str, ...],
-    values: Sequence[Any],
-    on_nan: OnNaN,
-    when: str,
-    chosen: Bool[np.ndarray, " envs"],
-) -> Float[np.ndarray, "envs num_signals"]:
-    """The signals as numbers; NaN matters where an environment is chosen."""
-    columns = []
-    for name, value in zip(names, values, strict=True):
-        column = _array(name, value, chosen.shape, when)
-        if on_nan == "raise" and (lost := np.isnan(column) & chosen).any():
-            where = ", ".join(map(str, np.flatnonzero(lost)))
-            raise SignalError(f"signal {name!r} is NaN {when} in environment {where}; {_ON_NAN}")
-        columns.append(column)
-    return np.stack(columns).T
-
-
-def time_step(env: Any) -> float | None:
-    """The time between two steps [s] that an environment gives: its `dt`, or the time of a picture."""
-    base = env.unwrapped
-    dt = getattr(base, "dt", None)
-    if isinstance(dt, _REAL) and dt > 0:
-        return float(dt)
-    if getattr(base, "envs", None):
-        return time_step(base.envs[0])
-    pictures = (base.metadata or {}).get("render_fps")
-    return 1 / float(pictures) if isinstance(pictures, _REAL) and pictures > 0 else None
-
-
-_REAL = int | float | np.floating
-
-_ON_NAN = 'mend it, or take on_nan="outside" to count such a state as outside of all phases'
-
-
-def _by_functions(env: Any, names: tuple[str, ...], signals: Mapping[str, SignalFunction]) -> ReadAll:
-    functions, base = [signals[name] for name in names], env.unwrapped
-
-    def read(observation: Any, info: Mapping[str, Any]) -> list[Any]:
-        values: list[Any] = []
-        try:
-            for function in functions:
-                values.append(function(base, observation, info))
-        except Exception as error:
-            error.add_note(f"This happened while the signal {names[len(values)]!r} was read.")
-            raise
-        return values
-
-    return read
-
-
-def _array(name: str, value: Any, shape: tuple[int, ...], when: str) -> np.ndarray:
-    wanted = f"{shape[0]} numbers, one an environment" if shape else "one number"
-    try:
-        array = np.asarray(value, np.float64)
-    except (TypeError, ValueError):
-        raise SignalError(f"signal {name!r} must be {wanted}, but {when} it is {value!r}") from None
-    if value is None or array.shape != shape:
-        raise SignalError(f"signal {name!r} must be {wanted}, but {when} its shape is {array.shape}")
+    **Raises:** as `reward_number`, naming the environments.
+    """
+    array = np.asarray(rewards)
+    if array.dtype.kind not in "biuf" or array.shape != (env.num_envs,):
+        raise SignalError(
+            f"the rewards of {env} must be {env.num_envs} numbers, one an environment, but {when} they are "
+            f"{rewards!r}"
+        )
+    if not (finite := np.isfinite(array)).all():
+        where = ", ".join(map(str, np.flatnonzero(~finite)))
+        raise SignalError(
+            f"the reward must be a finite number, but {when} in environment {where} it is "
+            f"{array[~finite][0]}: {env}"
+        )
     return array
+
+
+def _is_nan(name: str, when: str, absent: str) -> str:
+    if absent:
+        return (
+            f"signal {name!r} is NaN {when}, for the info has no entry {absent} there; say what it is there "
+            '(at_reset in plans), or take on_nan="outside" to count such a state as outside of all phases'
+        )
+    return (
+        f'signal {name!r} is NaN {when}; mend it, or take on_nan="outside" to count such a state as '
+        "outside of all phases"
+    )
+
+
+def _failed(name: str, when: str, error: Exception) -> str:
+    return f"signal {name!r} cannot be read {when}: its function fails with {type(error).__name__}: {error}"
+
+
+def _number(value: Any) -> float | None:
+    """The one number that a value is; `None` for another. A masked number is NaN."""
+    if value is np.ma.masked:
+        return math.nan
+    try:
+        array = np.asarray(value)
+        return float(array) if array.shape == () and _is_real(array) else None
+    except (TypeError, ValueError, OverflowError, RuntimeError):
+        return None
+
+
+def _is_real(array: np.ndarray) -> bool:
+    return array.dtype.kind in "biuf" or (
+        array.dtype == object and not any(isinstance(one, str | bytes | complex | None) for one in array.flat)
+    )
+
+
+def _array(
+    name: str, value: Any, shape: tuple[int, ...], when: str, ignored: Envs | None = None
+) -> np.ndarray:
+    """A signal as numbers of this shape, whatever it is in ignored environments."""
+    wanted = f"{shape[0]} numbers, one an environment" if shape else "one number"
+    if value is np.ma.masked:
+        value = math.nan
+    if isinstance(value, np.ma.MaskedArray):
+        value = value.astype(np.float64).filled(math.nan)
+    try:
+        array = np.asarray(value)
+        if array.dtype == object and ignored is not None and array.shape == ignored.shape:
+            array = np.where(ignored, 0.0, array)
+        real = _is_real(array)
+        numbers = array.astype(np.float64) if real else array
+    except (TypeError, ValueError, OverflowError, RuntimeError):
+        raise SignalError(f"signal {name!r} must be {wanted}, but {when} it is {value!r}") from None
+    if numbers.shape != shape:
+        raise SignalError(f"signal {name!r} must be {wanted}, but {when} its shape is {numbers.shape}")
+    if not real:
+        raise SignalError(f"signal {name!r} must be {wanted}, but {when} it is {value!r}")
+    return numbers

@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from coachable.envs.signals.infos import Infos
 from coachable.envs.signals.pack import SignalPack, signal_pack
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.objects import object_named
@@ -63,12 +64,23 @@ class InfoEntry:
 
     def __call__(self, env: Any, observation: Any, info: Mapping[str, Any]) -> Any:
         """The entry."""
+        if self.at_reset is None:
+            return _followed(info, self.path)
+        if isinstance(info, Infos):
+            return info.followed(self.path, self._otherwise(info))
         try:
             return _followed(info, self.path)
         except KeyError:
-            if self.at_reset is None:
-                raise
-        return _followed(info, self.at_reset) if isinstance(self.at_reset, tuple) else self.at_reset
+            return self._otherwise(info)
+
+    def _otherwise(self, info: Mapping[str, Any]) -> Any:
+        if not isinstance(self.at_reset, tuple):
+            return self.at_reset
+        return (
+            info.followed(self.at_reset, np.nan)
+            if isinstance(info, Infos)
+            else _followed(info, self.at_reset)
+        )
 
     def to_data(self) -> Any:
         """The plain data that stand for it."""
@@ -212,5 +224,5 @@ def _column(entry: Any, number: int) -> Any:
 
 def _followed(value: Any, path: Path) -> Any:
     for part in path:
-        value = value[part]
+        value = _column(value, part) if isinstance(part, int) else value[part]
     return value

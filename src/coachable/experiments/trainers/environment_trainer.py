@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import abc
+import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 from coachable.envs.problem import Problem
+from coachable.experiments.assessment import LONGEST_EPISODE, most_steps
 from coachable.experiments.trainers.lane_processes import run_lanes
 from coachable.experiments.trainers.process_lane import LaneWork, ProcessLane
 from coachable.experiments.trainers.trainer import Learner, MakeEnv, Trainer, Watch, Work
@@ -47,12 +49,15 @@ class EnvironmentTrainer(Trainer):
                 env.step(env.action_space.sample())
             except CoachableError as error:
                 raise PlanError(f"setup {setup.name!r}: {error}") from None
-            except (KeyError, IndexError) as error:
-                raise PlanError(
-                    f"setup {setup.name!r}: a signal is not where the plan has it: {error!r}"
-                ) from None
             finally:
                 env.close()
+        if experiment.setups and most_steps(env) == LONGEST_EPISODE:
+            name = experiment.problem.robot
+            print(
+                f"coachable: {name} has no time limit; an evaluation ends its episodes after "
+                f"{LONGEST_EPISODE:,} steps",
+                file=sys.stderr,
+            )
 
     def batch_sizes(self, experiment: Experiment, num_workers: int) -> tuple[int, ...]:
         """Every lane by itself."""

@@ -10,7 +10,7 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
@@ -36,6 +36,10 @@ Report = Callable[[Progress], None]
 """Raises `KeyboardInterrupt` when the lane has to stop; the caller then saves and lets that pass."""
 
 SECONDS_BETWEEN_REPORTS = 0.5
+SECONDS_TO_STOP = 1.5
+"""How long a lane that has to stop may take until it saves; one that is stuck in a step is ended then."""
+SAVING = "saving"
+"""What a process sends when it was asked to stop and saves."""
 
 
 @runtime_checkable
@@ -66,8 +70,9 @@ def run_lanes(
     """Run every work in a process of its own, `num_workers` at once, and `receive` their progress.
 
     `receive` is called with the index of a work and its progress, `watch` at least every `every` seconds. An
-    exception in a work, in `receive` or in `watch` (Ctrl-C arrives there) stops all processes, which save
-    what they have, and is raised.
+    exception in a work, in `receive` or in `watch` (Ctrl-C arrives there) stops all processes, and is raised.
+    Processes save what they have; one that does not come to that within `SECONDS_TO_STOP` is ended, and
+    another Ctrl-C ends all of them at once.
 
     **Raises:** what a work raised that is a user's mistake, or an `OSError`; `RunFolderError` for a process
     that was killed; `RuntimeError` with the other process's traceback for anything else.
@@ -104,16 +109,33 @@ def run_lanes(
                         raise received
                     if received is None:
                         ready.add(channel)
-                    else:
+                    elif received != SAVING:  # told to stop from outside; its end comes next
                         receive(index, received)
     finally:
-        for channel, (_, process) in running.items():
+        _stop({channel: process for channel, (_, process) in running.items()}, ready)
+
+
+def _stop(running: Mapping[Connection, BaseProcess], ready: Set[Connection]) -> None:
+    """Let processes save, and end those that do not come to it in time; none is left."""
+    try:
+        for channel, process in running.items():
             if channel in ready:
                 with suppress(OSError):  # it may have ended by itself
                     channel.send(None)
             else:
-                process.terminate()  # it has nothing to save
-        for _, process in running.values():
+                process.kill()  # it has nothing to save
+        deadline, alive, saving = time.monotonic() + SECONDS_TO_STOP, {*running}, set[Connection]()
+        while alive and (time.monotonic() < deadline or alive & saving):
+            for channel in wait([*alive], 0.1):
+                assert isinstance(channel, Connection)
+                try:
+                    if channel.recv() == SAVING:
+                        saving.add(channel)
+                except (EOFError, OSError):
+                    alive.remove(channel)
+    finally:
+        for process in running.values():
+            process.kill()
             process.join()
 
 
@@ -162,8 +184,11 @@ def _require_success(work: LaneWork, exitcode: int | None) -> None:
 
 
 def _work(work: LaneWork, channel: Connection) -> None:
-    """What a process does. It stops, when it next reports, if its parent asks for it or has ended."""
-    stop_requested = threading.Event()
+    """What a process does. If its parent asks for it or has ended, it stops when it next reports.
+
+    If that takes too long, as in an episode that never ends, it ends as it is, with its last checkpoint.
+    """
+    stop_requested, stops = threading.Event(), threading.Event()
     # Ctrl-C in a terminal reaches every process of it; the parent alone decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: stop_requested.set())
@@ -172,14 +197,24 @@ def _work(work: LaneWork, channel: Connection) -> None:
     reported_at = 0.0
     channel.send(None)  # from now on it stops in good order
 
+    def listen() -> None:
+        while not (stop_requested.is_set() or _is_readable(channel)):
+            time.sleep(0.1)
+        if not stops.wait(SECONDS_TO_STOP):
+            os._exit(1)
+
     def report(progress: Progress) -> None:
         nonlocal reported_at
         if stop_requested.is_set() or _is_readable(channel):
+            stops.set()
+            with suppress(OSError):  # the parent may have ended
+                channel.send(SAVING)
             raise KeyboardInterrupt
         if progress.done or time.monotonic() > reported_at + SECONDS_BETWEEN_REPORTS:
             reported_at = time.monotonic()
             channel.send(progress)
 
+    threading.Thread(target=listen, daemon=True).start()
     try:
         work.run(report)
     except KeyboardInterrupt:
