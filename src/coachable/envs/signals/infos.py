@@ -73,7 +73,8 @@ class Infos(dict[str, Any]):
                 present &= value._present(part)
                 value = dict.__getitem__(value, part)
             else:
-                value = value[..., part] if isinstance(value, np.ndarray) else value[part]
+                index: Any = (..., part) if isinstance(value, np.ndarray) else part
+                value = value[index]
         return _where(present, value, other)
 
     def forget(self) -> None:

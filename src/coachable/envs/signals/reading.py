@@ -291,7 +291,7 @@ def _array(
     if value is np.ma.masked:
         value = math.nan
     if isinstance(value, np.ma.MaskedArray):
-        value = value.astype(np.float64).filled(math.nan)
+        value = np.ma.filled(value.astype(np.float64), math.nan)
     try:
         array = np.asarray(value)
         if array.dtype == object and ignored is not None and array.shape == ignored.shape:

@@ -7,6 +7,8 @@ polynomial must be zero, two corners of a box in which the rest holds, with diff
 somewhere. What is too close to call within the effort is left open.
 """
 
+# crival has no types of its own, and its intervals hold floats or arrays.
+# pyright: reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false, reportReturnType=false
 from __future__ import annotations
 
 import itertools
