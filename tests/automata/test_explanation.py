@@ -187,7 +187,7 @@ ROW = "0,0.1,-0.1,-1,1\n"
         (HEADER, "it has a header but no rows"),
         (HEADER.replace("theta_2", "tetha_2", 1) + ROW, r"no column theta_2; did you mean 'tetha_2'\?"),
         (HEADER.replace(",dtheta_1", ",dtheta_1 [deg/s]") + ROW, "dtheta_1 is in deg/s, but .* in rad/s"),
-        (HEADER.replace("t,", "t [ms],", 1) + ROW, "column t is in ms, but the time is in s"),
+        (HEADER.replace("t,", "t [N],", 1) + ROW, "column t is in N, but the time is in s"),
         (HEADER.replace("dtheta_2", "hip") + ROW, "no column dtheta_2; known: 'hip'"),
         (HEADER.replace("\n", ",theta_1\n") + "0,1,1,1,1,1\n", "more than one column theta_1"),
         (HEADER.replace("\n", ",theta_1 [rad]\n") + "0,1,1,1,1,1\n", "more than one column theta_1"),

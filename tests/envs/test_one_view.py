@@ -15,6 +15,9 @@ from coachable.envs.signals.sources import signal_sources
 from coachable.envs.vector_behaviour_reward import VectorBehaviourReward
 from coachable.foundation.errors import SignalError
 
+# Gymnasium forks its workers, which never touch JAX.
+pytestmark = pytest.mark.filterwarnings(r"ignore:os\.fork\(\) was called:RuntimeWarning")
+
 ABSENT = None
 TRACES = (
     (ABSENT, 1.0, 1.0, -1.0, ABSENT, 1.0, -1.0, -1.0),

@@ -11,6 +11,9 @@ from coachable.envs.signals.time_step import time_step
 from coachable.envs.vector_behaviour_reward import VectorBehaviourReward
 from coachable.foundation.errors import ParameterError
 
+# Gymnasium forks its workers, which never touch JAX.
+pytestmark = pytest.mark.filterwarnings(r"ignore:os\.fork\(\) was called:RuntimeWarning")
+
 ONE = {"x": lambda env, observation, info: observation[0]}
 MANY = {"x": lambda env, observations, infos: observations[:, 0]}
 
