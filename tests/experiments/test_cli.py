@@ -369,6 +369,7 @@ def test_a_description_is_not_drawn_over_itself(capsys, tmp_path):
 def test_a_program_whose_output_is_closed_ends_without_a_traceback(monkeypatch):
     monkeypatch.setattr(sys, "stdout", None)
     cli.main(["cite"])
+    sys.stdout.close()
 
 
 def test_modules_of_the_current_folder_are_found_but_hide_no_others(capsys, tmp_path, monkeypatch):
