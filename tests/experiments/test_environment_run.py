@@ -204,7 +204,7 @@ def test_the_environments_reward_can_be_put_together_anew(plan):
         ),
         ("Pendulum-v1", "CartPole-v1", PlanError, "actions must be a row"),
         ("height = 0\n", "", CoachableError, "height"),
-        ("speed = 2", "speed = 9", PlanError, "a signal is not where the plan has it"),
+        ("speed = 2", "speed = 9", CoachableError, "signal 'speed' cannot be read after the reset"),
         ("n_steps = 64", "n_stepz = 64", PlanError, "no setting 'n_stepz'"),
         ("n_steps = 64", "n_steps = 1", PlanError, "does not take these settings"),
         ("swing.behaviour", "swim.behaviour", BehaviourError, "swim"),
@@ -335,7 +335,7 @@ def test_trying_a_plan_out_leaves_nothing_behind(plan, opened):
 
 def test_a_walk_that_fails_closes_its_environment(run, opened):
     broken = with_signals(run, {"height": 0, "speed": 99})
-    with pytest.raises(IndexError):
+    with pytest.raises(CoachableError, match="signal 'speed' cannot be read"):
         recorded_walk(broken, "alone", 0)
     assert not opened
 
