@@ -509,6 +509,7 @@ def floats(numbers: Any, *shape: int) -> np.ndarray:
     """Numbers as an array of this shape, exactly; no text, no truth values, no integers between floats."""
     array = np.array(numbers, dtype=object)
     plain = all(isinstance(x, int | float) and type(x) is not bool for x in array.flat)
-    exact = [plain and abs(x) < 2**1024 and float(x) == x for x in array.flat]
+    whole = [plain and (isinstance(x, float) or abs(x) < 2**1024) for x in array.flat]
+    exact = [fits and math.isfinite(x) and float(x) == x for fits, x in zip(whole, array.flat, strict=True)]
     require(all(exact) and array.shape in (shape, shape[:1]), f"expected floats of shape {shape}", ValueError)
     return array.astype(np.float64).reshape(shape)
