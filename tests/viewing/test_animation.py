@@ -91,7 +91,7 @@ def test_an_mp4_has_fifty_frames_a_second(until, phases, tmp_path):
 
 def test_a_place_that_cannot_be_written_to_is_named(until, phases, tmp_path):
     pytest.importorskip("imageio_ffmpeg", reason="mp4 needs the [video] extra")
-    with pytest.raises(CoachableError, match="nowhere"):
+    with pytest.raises(OSError, match="nowhere"):
         animate({"": until(0.1)}, tmp_path / "nowhere" / "gait.mp4", phases)
 
 
