@@ -11,13 +11,12 @@ import pytest
 from coachable.experiments.plan import load_plan
 from coachable.experiments.run_folder.schemas import schemas
 from coachable.foundation import tables
-from coachable.foundation.errors import CoachableError, PlanError, RunFolderError
+from coachable.foundation.errors import PlanError, RunFolderError
 from coachable.foundation.files import (
     hash_of,
     make_folder,
     read_bytes,
     read_text,
-    require_no_input,
     write_atomic,
     written_beside,
 )
@@ -104,27 +103,6 @@ def test_a_folder_of_output_is_no_link(tmp_path):
     with pytest.raises(RunFolderError, match="passports is a link"):
         make_folder(tmp_path, "passports")
     assert make_folder(make_folder(tmp_path, "policies").parent, "policies").is_dir()
-
-
-def test_an_output_is_no_input(tmp_path):
-    run, trace = tmp_path / "run", tmp_path / "trace.csv"
-    for folder in (run, run / "policies"):
-        folder.mkdir()
-    for file in (trace, run / "manifest.json", run / "plan.toml"):
-        file.write_text("")
-    (tmp_path / "same.csv").symlink_to(trace)
-    for out in (
-        trace,
-        tmp_path / "same.csv",
-        tmp_path / "run" / ".." / "trace.csv",
-        run / "plan.toml",
-        run / "gaits.parquet",
-        run / "policies" / "walk.csv",
-    ):
-        with pytest.raises(CoachableError, match="give another file"):
-            require_no_input(out, trace, run)
-    for out in (None, run / "report.html", tmp_path / "phases.csv", tmp_path / "plan.toml"):
-        require_no_input(out, trace, run)
 
 
 @pytest.mark.parametrize("name", ["pipe", "zeros", "folder", "large"])

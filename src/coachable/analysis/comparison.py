@@ -13,7 +13,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from rich.console import Console
 
 from coachable.analysis.figures import draw_band, panels
 from coachable.analysis.intervals import Estimate, estimate, mean
@@ -22,7 +21,7 @@ from coachable.analysis.measures import DISTANCE, RETURN, Measure
 from coachable.analysis.sections import Section
 from coachable.analysis.significance import difference, two_sample
 from coachable.analysis.statistics import LATE_STEPS, Band, mean_curve
-from coachable.analysis.table import COLUMNS, as_markdown, rendered
+from coachable.analysis.table import as_markdown, console, rendered
 from coachable.experiments.experiment import Experiment
 from coachable.foundation.errors import RunFolderError
 from coachable.foundation.files import write_atomic
@@ -197,9 +196,7 @@ def tell_comparison(studies: Mapping[str, Measurements], folder: Path) -> None:
     (title, first), (other, second) = studies.items()
     compare = pairs(first, second)
     folder.mkdir(parents=True, exist_ok=True)
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=COLUMNS)
+    out = console()
     pieces, written = [f"# {title} beside {other}"], []
     for pair in compare:
         section = Section(
@@ -211,13 +208,13 @@ def tell_comparison(studies: Mapping[str, Measurements], folder: Path) -> None:
             ),
             (_overlaps(first, second, pair),),
         )
-        console.print(*rendered(section), sep="\n")
+        out.print(*rendered(section), sep="\n")
         pieces.append(as_markdown(section))
         figure = comparison_figure(studies, pair)
         for suffix in ("svg", "png"):
             written.append(folder / f"comparison-{pair.name}.{suffix}")
             save(figure, written[-1])
-    console.print(NOTE, style="dim italic", highlight=False)
+    out.print(NOTE, style="dim italic", highlight=False)
     written.append(folder / "comparison.md")
     write_atomic(written[-1], "\n\n".join([*pieces, NOTE]) + "\n")
     for path in written:
@@ -237,13 +234,13 @@ def _overlaps(first: Measurements, second: Measurements, pair: Pair) -> str:
     ]
     runs = f"{ours.num_runs} and {theirs.num_runs} runs"
     *others, last = shares
-    said = f"{', '.join(others)} and {last}" if others else last
-    told = f"{pair.name}, {runs}: the curves' 95 % intervals overlap at {said}."
+    listed = f"{', '.join(others)} and {last}" if others else last
+    sentence = f"{pair.name}, {runs}: the curves' 95 % intervals overlap at {listed}."
     both = [measure for measure in first.measures if measure in second.measures]
     left = [measure.words for measure in both if measure not in shared]
     if first.has_baseline or not left:
-        return told
-    return f"{told} Not comparable, since described or paid otherwise: {', '.join(left)}."
+        return sentence
+    return f"{sentence} Not comparable, since described or paid otherwise: {', '.join(left)}."
 
 
 NOTE = (
@@ -259,6 +256,6 @@ def _overlap(share: float, points: str) -> str:
     return f"{share:.0%} of {points}"
 
 
-def _text(told: Estimate) -> str:
-    value = f"{told.value:.2f}"
-    return f"{value} [{told.low:.2f}, {told.high:.2f}]" if told.has_interval else value
+def _text(shown: Estimate) -> str:
+    value = f"{shown.value:.2f}"
+    return f"{value} [{shown.low:.2f}, {shown.high:.2f}]" if shown.has_interval else value

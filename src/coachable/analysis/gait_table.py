@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from coachable.analysis.intervals import Estimate, estimate, mean
 from coachable.analysis.sections import Section
+from coachable.analysis.table import as_markdown, console, rendered
 from coachable.experiments.run_folder.reader import Run
 from coachable.foundation.files import write_atomic
-
-_COLUMNS = 100
 
 MEASURES = {
     "environment": ("environment's return", 1.0),
@@ -53,10 +48,16 @@ def print_gaits(run: Run, speed: float, folder: Path) -> None:
     **Arguments:** `speed`, for how soon it was reached in the evaluations [m/s].
     """
     by_setup, by_lane = gait_sections(run, speed)
-    tables = {"gaits": (heading(run), by_setup), "gaits-by-seed": ("Seed by seed", by_lane)}
-    for name, (title, section) in tables.items():
-        written = print_table(title, section.header, section.rows, section.notes[0], folder / f"{name}.md")
-        print(f"wrote {written}")
+    titled = {
+        "gaits": replace(by_setup, title=heading(run)),
+        "gaits-by-seed": replace(by_lane, title="Seed by seed"),
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, section in titled.items():
+        console().print(*rendered(section), sep="\n")
+        # A section that is a file by itself has the file's title.
+        write_atomic(folder / f"{name}.md", as_markdown(section).removeprefix("#") + "\n")
+        print(f"wrote {folder / name}.md")
 
 
 def gait_sections(run: Run, speed: float = 1.0) -> tuple[Section, Section]:
@@ -146,27 +147,6 @@ def _reached(run: Run, setup: str, metres_a_step: float) -> str:
         return f"never, {len(seeds)} seed{'s' * (len(seeds) > 1)}"
     shown = cell(estimate(mean, np.array(first, float)), 1e-3) + "k"
     return shown if len(first) == len(seeds) else f"{shown}, {len(first)} of {len(seeds)} seeds"
-
-
-def print_table(
-    title: str, header: Sequence[str], rows: Sequence[Sequence[str]], note: str, path: Path
-) -> Path:
-    """Print a table, and write it as Markdown; where it is written."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_COLUMNS)
-    grid = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for name in header:
-        grid.add_column(Text(name))
-    for row in rows:
-        grid.add_row(*map(Text, row))
-    console.print(Text(title, style="bold"))
-    console.print(grid)
-    console.print(note, style="dim italic", highlight=False)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    lines = ["| " + " | ".join(row) + " |" for row in (header, ["---"] * len(header), *rows)]
-    write_atomic(path, f"# {title}\n\n" + "\n".join(lines) + f"\n\n{note}\n")
-    return path
 
 
 def heading(run: Run) -> str:

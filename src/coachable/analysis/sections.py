@@ -128,7 +128,7 @@ def _plain(value: Any) -> str:
             return str(value)
 
 
-def in_unit(told: Estimate, measure: Measure) -> str:
+def in_unit(shown: Estimate, measure: Measure) -> str:
     """An estimate of a measure, with its interval, to three digits; shares in percent."""
 
     def text(value: float) -> str:
@@ -137,7 +137,7 @@ def in_unit(told: Estimate, measure: Measure) -> str:
             return NOTHING
         return (f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}").replace("-", "−")
 
-    return with_interval(told, text)
+    return with_interval(shown, text)
 
 
 def _highest(runs: Measurements, setups: Sequence[SetupStatistics]) -> Section:

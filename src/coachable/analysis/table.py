@@ -34,10 +34,13 @@ def table(runs: Measurements) -> list[RenderableType]:
 
 def print_table(runs: Measurements) -> None:
     """Print the table on the terminal, or 100 columns wide into a file or a pipe."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=COLUMNS)
-    console.print(*table(runs), sep="\n")
+    console().print(*table(runs), sep="\n")
+
+
+def console() -> Console:
+    """The terminal, or 100 columns of a file or a pipe."""
+    terminal = Console()
+    return terminal if terminal.is_terminal else Console(width=COLUMNS)
 
 
 def markdown(runs: Measurements) -> str:
@@ -45,9 +48,9 @@ def markdown(runs: Measurements) -> str:
     return markdown_of(runs, sections(runs))
 
 
-def markdown_of(runs: Measurements, said: Sequence[Section]) -> str:
+def markdown_of(runs: Measurements, shown: Sequence[Section]) -> str:
     """`markdown` with sections that are there already."""
-    return "\n\n".join([f"# {heading(runs)}", *map(as_markdown, said)]) + "\n"
+    return "\n\n".join([f"# {heading(runs)}", *map(as_markdown, shown)]) + "\n"
 
 
 def write_markdown(runs: Measurements, folder: Path) -> Path:

@@ -16,6 +16,7 @@ from coachable.cli.options import (
     option,
     output,
     print_json,
+    require_no_input,
     require_suffix,
 )
 from coachable.foundation.data import whole_number
@@ -156,7 +157,7 @@ def draw(
         coachable draw compass-walking -o automaton.mmd
     """
     from coachable.behaviours.library import find_behaviour, load_behaviour
-    from coachable.foundation.files import require_no_input, write_atomic
+    from coachable.foundation.files import write_atomic
 
     suffixes = _DRAWINGS if reward is None else _DRAWINGS[:2]
     suffix = require_suffix(out, suffixes)
@@ -256,7 +257,6 @@ def explain(
     from coachable.automata.explanation import as_json, as_text, explain_parts
     from coachable.automata.explanation import explain as watch_trace
     from coachable.behaviours.library import find_behaviour, load_behaviour
-    from coachable.foundation.files import require_no_input
 
     if out is not None:
         require_suffix(out, (".csv",))

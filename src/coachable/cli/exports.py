@@ -18,6 +18,7 @@ from coachable.cli.options import (
     option,
     output,
     plant_of_baseline,
+    require_no_input,
     require_suffix,
 )
 from coachable.foundation.errors import CoachableError
@@ -80,7 +81,7 @@ def export(
         coachable export compass-walking -o automaton.xml
     """
     suffix = require_suffix(out, (".onnx", *_WRITERS))
-    from coachable.foundation.files import require_no_input, write_atomic
+    from coachable.foundation.files import write_atomic
 
     if run is not None:
         require_no_input(out, Path(run))

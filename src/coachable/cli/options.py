@@ -108,3 +108,38 @@ def refuse_out_with_json(out: Path | None) -> None:
     """**Raises:** `CoachableError` if there is an output for files although `--json` writes none."""
     if out is not None:
         raise CoachableError("--json prints the numbers and writes no file; leave out --json, or --out")
+
+
+def require_no_input(out: Path | None, *inputs: Path) -> None:
+    """Refuse an output that is one of the files that are read for it.
+
+    **Arguments:** `inputs`, files, and run folders, whose own files are all inputs.
+
+    **Raises:** `CoachableError` naming the file.
+    """
+    if out is None:
+        return
+    for path in inputs:
+        if _is_same(out, path) and not path.is_dir():
+            raise CoachableError(f"{out} is what is read here; give another file for the output")
+        own = next((folder for folder in out.absolute().parents if _is_same(folder, path)), None)
+        if own is not None and (own / "manifest.json").exists() and _is_of_run(out.absolute(), own):
+            raise CoachableError(f"{out} is a file of the run itself; give another file for the output")
+
+
+_OF_A_RUN = ("plan.toml", "manifest.json", "behaviour.behaviour", "automaton.svg", "lock")
+_FOLDERS_OF_A_RUN = ("policies", "checkpoints", "passports", "certificates", "counterexamples")
+
+
+def _is_of_run(path: Path, run: Path) -> bool:
+    first, *others = path.relative_to(run).parts
+    if others:
+        return first in _FOLDERS_OF_A_RUN
+    return first in _OF_A_RUN or Path(first).suffix == ".parquet"
+
+
+def _is_same(path: Path, other: Path) -> bool:
+    try:
+        return path.samefile(other)
+    except (OSError, ValueError):
+        return False

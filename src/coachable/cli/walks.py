@@ -27,10 +27,10 @@ from coachable.cli.options import (
     print_json,
     refuse_out_with_json,
     require_folder,
+    require_no_input,
 )
 from coachable.foundation.data import real_number, whole_number
 from coachable.foundation.errors import PlanError
-from coachable.foundation.files import require_no_input
 
 if TYPE_CHECKING:
     from coachable.behaviours.behaviour import Behaviour

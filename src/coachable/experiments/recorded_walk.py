@@ -34,7 +34,7 @@ class RecordedWalk:
     fell: bool
     """Whether the episode terminated; of a plant, whether it fell."""
     absent: tuple[str, ...] = ()
-    """Sentences about what of the gait such a robot does not tell."""
+    """Why parts of the gait cannot be measured, a sentence each."""
     limbs: tuple[str, ...] = ()
     """Names of the parts that can be drawn: the capsules of a MuJoCo robot."""
     ends: Float[np.ndarray, "samples limbs 2 3"] | None = None

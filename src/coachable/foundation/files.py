@@ -11,7 +11,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-from coachable.foundation.errors import CoachableError, Raises, RunFolderError
+from coachable.foundation.errors import Raises, RunFolderError
 
 MOST_BYTES = 1 << 30
 """Of a file that is read whole: policies and tables are smaller, and what is larger fills the memory."""
@@ -72,41 +72,6 @@ def make_folder(folder: Path, name: str, error: Raises = RunFolderError) -> Path
         raise error(f"{path} is a link, and nothing is written through one; remove it")
     path.mkdir(exist_ok=True)
     return path
-
-
-def require_no_input(out: Path | None, *inputs: Path) -> None:
-    """Refuse an output that is one of the files that are read for it.
-
-    **Arguments:** `inputs`, files, and run folders, whose own files are all inputs.
-
-    **Raises:** `CoachableError` naming the file.
-    """
-    if out is None:
-        return
-    for path in inputs:
-        if _is_same(out, path) and not path.is_dir():
-            raise CoachableError(f"{out} is what is read here; give another file for the output")
-        own = next((folder for folder in out.absolute().parents if _is_same(folder, path)), None)
-        if own is not None and (own / "manifest.json").exists() and _is_of_run(out.absolute(), own):
-            raise CoachableError(f"{out} is a file of the run itself; give another file for the output")
-
-
-_OF_A_RUN = ("plan.toml", "manifest.json", "behaviour.behaviour", "automaton.svg", "lock")
-_FOLDERS_OF_A_RUN = ("policies", "checkpoints", "passports", "certificates", "counterexamples")
-
-
-def _is_of_run(path: Path, run: Path) -> bool:
-    first, *others = path.relative_to(run).parts
-    if others:
-        return first in _FOLDERS_OF_A_RUN
-    return first in _OF_A_RUN or Path(first).suffix == ".parquet"
-
-
-def _is_same(path: Path, other: Path) -> bool:
-    try:
-        return path.samefile(other)
-    except (OSError, ValueError):
-        return False
 
 
 def read_bytes(

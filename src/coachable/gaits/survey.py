@@ -49,13 +49,13 @@ def survey(
     run: Run,
     episodes: int,
     which: Which = "last",
-    tell: Callable[[str, float], None] = lambda name, share: None,
+    report: Callable[[str, float], None] = lambda name, share: None,
 ) -> Survey:
     """Walk every lane's policy through so many episodes, each from another start; write `gaits.parquet`.
 
     A plant that has one start walks one episode.
 
-    **Arguments:** `tell`, called with a lane whenever another share of its episodes is done.
+    **Arguments:** `report`, called with a lane whenever another share of its episodes is done.
 
     **Raises:** as `recorded_walk`, and `ParameterError` for an environment without signals of its feet.
     """
@@ -82,7 +82,7 @@ def survey(
                 if episode == 0 and on_ground:
                     shown = Footfalls(f"seed {seed}: {rows[-1]['gait']}", walk.time, on_ground)
                     first.setdefault(setup.name, []).append(shown)
-                tell(f"{setup.name}, seed {seed}", 1 / episodes)
+                report(f"{setup.name}, seed {seed}", 1 / episodes)
     table = table_of(GAITS, {name: [row[name] for row in rows] for name in GAITS.names})
     write_atomic(run.path / "gaits.parquet", table_bytes(table))
     return Survey(first, tuple(absent))

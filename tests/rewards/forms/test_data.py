@@ -33,7 +33,7 @@ class Own(RewardForm):
     note: str = "x"
 
     def bind(self, behaviour, dt):
-        raise NotImplementedError
+        raise AssertionError("data is read and written without a behaviour")
 
 
 @pytest.fixture

@@ -109,7 +109,7 @@ def run_lanes(
                         raise received
                     if received is None:
                         ready.add(channel)
-                    elif received != SAVING:  # told to stop from outside; its end comes next
+                    elif received != SAVING:  # stopped from outside; its end comes next
                         receive(index, received)
     finally:
         _stop({channel: process for channel, (_, process) in running.items()}, ready)
