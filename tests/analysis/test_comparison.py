@@ -11,7 +11,7 @@ from coachable.analysis.comparison import (
     comparison_figure,
     pairs,
     share_of_overlap,
-    tell_comparison,
+    write_comparison,
 )
 from coachable.analysis.measurements import Measurements, SetupRuns
 from coachable.analysis.measures import BESIDE_A_BASELINE, RETURN
@@ -101,7 +101,7 @@ def test_what_cannot_be_compared_is_refused():
 
 def test_it_is_written_with_units_and_both_names(tmp_path, capsys):
     studies = {"mine": study(0), "theirs": study(1, num_runs=5)}
-    tell_comparison(studies, tmp_path / "made")
+    write_comparison(studies, tmp_path / "made")
     printed = capsys.readouterr().out
     assert "8 and 5 runs" in printed
     assert "final distance [m]" in printed
@@ -114,7 +114,7 @@ def test_it_is_written_with_units_and_both_names(tmp_path, capsys):
 
 def test_evaluations_at_other_steps_are_told_to_be_so(tmp_path, capsys):
     early = replace(study(1), checkpoints=CHECKPOINTS - 1)
-    tell_comparison({"mine": study(0), "theirs": early}, tmp_path)
+    write_comparison({"mine": study(0), "theirs": early}, tmp_path)
     printed = " ".join(capsys.readouterr().out.split())
     assert "none of the evaluations, which have no step in common" in printed
     assert "nan" not in printed

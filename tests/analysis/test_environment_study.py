@@ -10,7 +10,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
-from coachable.analysis.comparison import Pair, compared, pairs, shared_measures, tell_comparison
+from coachable.analysis.comparison import Pair, compared, pairs, shared_measures, write_comparison
 from coachable.analysis.figures import figures
 from coachable.analysis.measurements import measure, measure_so_far, measure_tables
 from coachable.analysis.measures import IN_CYCLE, Measure
@@ -166,7 +166,7 @@ def test_different_problems_are_refused(hop, hop_back, small_study):
 
 
 def test_the_comparison_is_written_with_what_it_leaves_out(hop, hop_alone, tmp_path, capsys):
-    tell_comparison({"with the reward": hop, "alone": hop_alone}, tmp_path)
+    write_comparison({"with the reward": hop, "alone": hop_alone}, tmp_path)
     printed = " ".join(capsys.readouterr().out.split())
     assert "both-described, 3 and 3 runs" in printed
     assert (

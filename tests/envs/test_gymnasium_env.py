@@ -120,7 +120,7 @@ def test_the_rewards_in_the_info_add_up_to_the_reward():
         assert info["rewards"]["orthant"] == pytest.approx(0.7 * info["terms"]["orthant"])
 
 
-def test_a_reset_tells_where_the_walker_stands_and_that_nothing_was_paid():
+def test_a_reset_gives_where_the_walker_stands_and_that_nothing_was_paid():
     _, info = short().reset()
     assert (info["phase"], info["hip_x"], info["foot_x"], info["time"], info["fell"]) == (4, 0, 0, 0, False)
     assert set(info["terms"].values()) == {0.0}

@@ -100,7 +100,7 @@ def test_the_spaces_are_the_single_ones_in_a_batch():
     assert ours.num_envs == NUM
 
 
-def test_the_same_step_mode_tells_the_end_beside_the_new_start():
+def test_the_same_step_mode_gives_the_end_beside_the_new_start():
     env = native(AutoresetMode.SAME_STEP, start_noise=0.0)
     env.reset(seed=0)
     for _ in range(120):

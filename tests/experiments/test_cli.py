@@ -47,7 +47,7 @@ def test_help_is_quick():
     assert done.returncode == 0, done.stderr
 
 
-def test_no_command_and_help_tell_all_commands(capsys):
+def test_no_command_and_help_list_all_commands(capsys):
     for arguments in ([], ["--help"]):
         out, _, status = run(capsys, *arguments)
         assert status == 0

@@ -39,7 +39,7 @@ def closed(behaviour):
     st.sampled_from([0.0, 2.5]),
     SHAPINGS,
 )
-def test_it_pays_and_tells_what_arrays_do(description, episodes, form, dt, bonus, shaping):
+def test_it_pays_and_gives_what_arrays_do(description, episodes, form, dt, bonus, shaping):
     behaviour = behaviour_of(description)
     behaviour = closed(behaviour) if bonus else behaviour
     if shaping is not None:
@@ -64,7 +64,7 @@ def test_it_pays_and_tells_what_arrays_do(description, episodes, form, dt, bonus
             np.testing.assert_array_equal(step.observed, reward.observe(memory, np.array([x])))
 
 
-def test_it_tells_pythons_own_numbers():
+def test_it_gives_pythons_own_numbers():
     behaviour = closed(behaviour_of(POSITIVE))
     run = RunReward(DescribedReward(behaviour, dt=0.1, cycle_bonus=1.0))
     run.begin([0.3])

@@ -43,7 +43,7 @@ class Comparison:
 
     measure: str
     unit: str
-    """`m`, `steps`, or `%`, in which shares are told."""
+    """`m`, `steps`, or `%`, in which shares are given."""
     relation: str
     """What the claim says, such as `sparse < forward`."""
     advantage: Estimate

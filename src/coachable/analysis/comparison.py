@@ -191,7 +191,7 @@ def comparison_figure(studies: Mapping[str, Measurements], pair: Pair) -> Figure
     return panels(measures, draw, handles)
 
 
-def tell_comparison(studies: Mapping[str, Measurements], folder: Path) -> None:
+def write_comparison(studies: Mapping[str, Measurements], folder: Path) -> None:
     """Print the comparison of two studies, given by title; write it as Markdown, with figures."""
     (title, first), (other, second) = studies.items()
     compare = pairs(first, second)

@@ -96,9 +96,9 @@ def claims_figure(claims: Sequence[Claim]) -> Figure:
             )
             axes.plot([low, high], [row, row], color=STANCE, alpha=0.45, linewidth=2)
             axes.plot([value], [row], "o", color=STANCE, markersize=4)
-            told = with_interval(comparison.advantage, IN_UNIT[comparison.unit])
+            estimate = with_interval(comparison.advantage, IN_UNIT[comparison.unit])
             axes.annotate(
-                f"{told} {comparison.unit}", (1.02, row), xycoords=("axes fraction", "data"), va="center"
+                f"{estimate} {comparison.unit}", (1.02, row), xycoords=("axes fraction", "data"), va="center"
             )
             labels.append(f"{claim.name}  {comparison.measure}: {comparison.relation}")
         axes.axvline(0, color=INK, linewidth=0.8)

@@ -83,13 +83,13 @@ def paper_advantage(comparison: Comparison) -> float | None:
 def summary(claims: Sequence[Claim]) -> str:
     """How many claims hold, do not, and are undecided: `Of six claims, one holds, five are undecided`."""
     counts = {verdict: sum(claim.verdict is verdict for claim in claims) for verdict in Verdict}
-    told = (
+    forms = (
         (Verdict.HOLDS, "holds", "hold"),
         (Verdict.REVERSED, "does not hold", "do not hold"),
         (Verdict.UNDECIDED, "is undecided", "are undecided"),
         (Verdict.NOT_APPLICABLE, "is not applicable", "are not applicable"),
     )
-    parts = [f"{_COUNTS[n]} {one if n == 1 else many}" for v, one, many in told if (n := counts[v])]
+    parts = [f"{_COUNTS[n]} {one if n == 1 else many}" for v, one, many in forms if (n := counts[v])]
     total = _COUNTS[len(claims)]
     if counts[Verdict.NOT_APPLICABLE] == len(claims):
         return f"None of the {total} claims can be decided here"
@@ -105,7 +105,7 @@ class _PaperFigure:
     baseline: float
 
 
-# The paper tells no mean over runs: the nearest thing it has is its best run.
+# The paper gives no mean over runs: the nearest thing it has is its best run.
 _HIGHEST = _PaperFigure(lambda paper: paper.highest_distance, f" ({_OF_ALL_RUNS})", PAPER_BASELINE_DISTANCE)
 _FIGURES = {
     "final distance": _HIGHEST,

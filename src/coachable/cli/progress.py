@@ -26,13 +26,13 @@ SECONDS_BETWEEN_LINES = 30.0
 def walkers_progress(
     doing: str, num_walkers: int, console: Console | None = None
 ) -> Iterator[ProgressCallback]:
-    """A function to tell how much of a walker is done, which may be called from any thread."""
+    """A function to call with how much of a walker is done, which may be called from any thread."""
     console = console or Console(stderr=True)
     if not num_walkers:
         yield lambda name, share: None
     elif console.is_terminal:
-        with _bar(doing, num_walkers, console) as tell:
-            yield tell
+        with _bar(doing, num_walkers, console) as advance:
+            yield advance
     else:
         yield _Lines(doing, num_walkers, console)
 

@@ -83,7 +83,7 @@ def compare(
         coachable compare runs/walk runs/hop -o runs/walk-and-hop
         coachable compare runs/paper runs/sb3 --json
     """
-    from coachable.analysis.comparison import tell_comparison
+    from coachable.analysis.comparison import write_comparison
     from coachable.analysis.measurements import measure
     from coachable.experiments.run_folder.reader import open_run
 
@@ -100,7 +100,7 @@ def compare(
 
         print_json(comparison_numbers(studies))
         return
-    tell_comparison(studies, out or Path("comparison"))
+    write_comparison(studies, out or Path("comparison"))
 
 
 def report(
@@ -144,7 +144,7 @@ def report(
     console = Console(stderr=True)
     with console.status("reading") as status:
         written, problems = write(
-            runs, out, format, bibtex=citation(), tell=lambda doing: status.update(escape(doing))
+            runs, out, format, bibtex=citation(), progress=lambda doing: status.update(escape(doing))
         )
     for path in written:
         print(f"wrote {path}")

@@ -240,8 +240,8 @@ def gait(
         refuse_out_with_json(out)
     require_folder(out)
     opened = Run.open(run)
-    with walkers_progress("gait", len(opened.lanes)) as tell:
-        surveyed = survey(opened, episodes, which, tell)
+    with walkers_progress("gait", len(opened.lanes)) as advance:
+        surveyed = survey(opened, episodes, which, advance)
     if json:
         from coachable.analysis.numbers import gait_numbers
 

@@ -178,10 +178,10 @@ def _steps(env: gymnasium.Env, policy: Policy, episode: int, wanted: float) -> I
     count, over = 0, False
     while not over and count < limit:
         observation, _, terminated, truncated, info = env.step(act(observation))
-        told = info["behaviour"]
-        own, ours = float(info[OWN]), float(told["rewards"]["behaviour"])
-        follows = told["verdict"]["follows"]
-        yield _Step(observation, info, told["location"], follows, own, ours, bool(terminated))
+        monitored = info["behaviour"]
+        own, ours = float(info[OWN]), float(monitored["rewards"]["behaviour"])
+        follows = monitored["verdict"]["follows"]
+        yield _Step(observation, info, monitored["location"], follows, own, ours, bool(terminated))
         count, over = count + 1, terminated or truncated
 
 

@@ -221,10 +221,10 @@ def test_whatever_is_wrong_with_a_folder_the_others_are_reported(four, tmp_path,
     bad = shutil.copytree(four, tmp_path / "bad")
     read = page_module.read_study
 
-    def read_study(path, tell):
+    def read_study(path, progress):
         if path == bad:
             raise failure
-        return read(path, tell)
+        return read(path, progress)
 
     monkeypatch.setattr(page_module, "read_study", read_study)
     (problem,) = write_report([bad, four], tmp_path / "page.html", bibtex=BIBTEX)
@@ -308,13 +308,13 @@ def test_a_selection_is_even_and_has_both_ends(count, most):
 
 
 def test_other_formats_hold_the_same_tables(several, tmp_path):
-    (path,), problems = write(several, tmp_path / "r.md", "md", bibtex=BIBTEX, tell=quiet)
+    (path,), problems = write(several, tmp_path / "r.md", "md", bibtex=BIBTEX, progress=quiet)
     text = path.read_text(encoding="utf-8")
     page = page_of(*several)
     assert not problems
     for row in cells(page, "Highest walking distance [m]"):
         assert "| " + " | ".join(row) + " |" in text
-    paths, _ = write(several, tmp_path / "figures", "pdf-figures", bibtex=BIBTEX, tell=quiet)
+    paths, _ = write(several, tmp_path / "figures", "pdf-figures", bibtex=BIBTEX, progress=quiet)
     assert {path.name for path in paths} == {"learning_curves.pdf", "walking_distance.pdf", "claims.pdf"}
     assert len(paths) == 6
     for path in paths:
@@ -325,9 +325,9 @@ def test_other_formats_hold_the_same_tables(several, tmp_path):
 
 def test_without_a_name_it_lies_in_the_run_folder(four, tmp_path, monkeypatch):
     run = shutil.copytree(four, tmp_path / "run")
-    assert write([run], None, "html", bibtex=BIBTEX, tell=quiet)[0] == [run / "report.html"]
+    assert write([run], None, "html", bibtex=BIBTEX, progress=quiet)[0] == [run / "report.html"]
     monkeypatch.chdir(tmp_path)
-    assert [str(path) for path in write([run, run], None, "md", bibtex=BIBTEX, tell=quiet)[0]] == [
+    assert [str(path) for path in write([run, run], None, "md", bibtex=BIBTEX, progress=quiet)[0]] == [
         "report.md"
     ]
 
@@ -398,11 +398,11 @@ def test_a_damaged_gait_table_is_named_and_the_rest_is_reported(tmp_path):
 
 
 def test_other_formats_of_a_robot_hold_the_same(of_robot, tmp_path):
-    (path,), _ = write([HOP], tmp_path / "r.md", "md", bibtex=BIBTEX, tell=quiet)
+    (path,), _ = write([HOP], tmp_path / "r.md", "md", bibtex=BIBTEX, progress=quiet)
     text = path.read_text(encoding="utf-8")
     for title in ("Last evaluation", "Last evaluation, seed by seed", "Learner"):
         for row in cells(of_robot, title):
             assert "| " + " | ".join(row) + " |" in text
-    (figure,), _ = write([HOP], tmp_path / "figures", "pdf-figures", bibtex=BIBTEX, tell=quiet)
+    (figure,), _ = write([HOP], tmp_path / "figures", "pdf-figures", bibtex=BIBTEX, progress=quiet)
     assert figure.name == "learning_curves.pdf"
     assert figure.read_bytes().startswith(b"%PDF")

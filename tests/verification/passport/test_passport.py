@@ -74,7 +74,7 @@ def test_a_passport_comes_back_as_it_was(tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["orthant-3.json"]
 
 
-def test_the_file_is_strict_json_and_tells_what_follows_from_its_numbers(tmp_path):
+def test_the_file_is_strict_json_and_gives_what_follows_from_its_numbers(tmp_path):
     def refuse(constant):
         raise AssertionError(constant)
 

@@ -52,7 +52,7 @@ def marks(claim: Claim, half: Mapping[str, float]) -> list[Mark]:
 
         advantage = comparison.advantage
         unit = "points" if comparison.unit == "%" else comparison.unit
-        told = with_interval(advantage, IN_UNIT[comparison.unit])
+        estimate = with_interval(advantage, IN_UNIT[comparison.unit])
         found.append(
             Mark(
                 comparison.relation,
@@ -61,7 +61,7 @@ def marks(claim: Claim, half: Mapping[str, float]) -> list[Mark]:
                 place(advantage.low),
                 place(advantage.high),
                 place(paper_advantage(comparison)),
-                f"{comparison.measure}, {comparison.relation}: {told} {unit} in favour, "
+                f"{comparison.measure}, {comparison.relation}: {estimate} {unit} in favour, "
                 f"p for {p_value(comparison.p_for)}, against {p_value(comparison.p_against)}; "
                 f"the paper: {paper_words(comparison)}",
             )

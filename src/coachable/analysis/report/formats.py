@@ -8,7 +8,7 @@ from typing import Literal
 
 from coachable.analysis.figures import figures
 from coachable.analysis.report.page import read_studies, write_report
-from coachable.analysis.report.study import StudyReport, Tell
+from coachable.analysis.report.study import StudyReport, Progress
 from coachable.analysis.table import markdown_of
 from coachable.foundation.files import make_folder, write_atomic
 from coachable.foundation.style import save
@@ -19,7 +19,7 @@ _NAMES: dict[Format, str] = {"html": "report.html", "md": "report.md", "pdf-figu
 
 
 def write(
-    paths: Sequence[Path], out: Path | None, format: Format, *, bibtex: str, tell: Tell
+    paths: Sequence[Path], out: Path | None, format: Format, *, bibtex: str, progress: Progress
 ) -> tuple[list[Path], list[str]]:
     """Write the report of some run folders.
 
@@ -32,16 +32,16 @@ def write(
     """
     given, out = out, out or (paths[0] if len(paths) == 1 else Path()) / _NAMES[format]
     if format == "html":
-        return [out], write_report(paths, out, bibtex=bibtex, tell=tell)
-    studies, problems = read_studies(paths, tell)
-    tell(f"{out}: writing")
+        return [out], write_report(paths, out, bibtex=bibtex, progress=progress)
+    studies, problems = read_studies(paths, progress)
+    progress(f"{out}: writing")
     problems = [*problems, *(problem for study in studies for problem in study.problems)]
     if format == "md":
         write_atomic(out, "\n".join(map(_markdown, studies)))
         return [out], problems
     if given is None:
         make_folder(out.parent, out.name)
-    return [path for study in studies for path in _draw(study, out, tell, len(studies) > 1)], problems
+    return [path for study in studies for path in _draw(study, out, progress, len(studies) > 1)], problems
 
 
 def _markdown(study: StudyReport) -> str:
@@ -50,7 +50,7 @@ def _markdown(study: StudyReport) -> str:
     return markdown_of(study.runs, study.sections)
 
 
-def _draw(study: StudyReport, folder: Path, tell: Tell, several: bool) -> list[Path]:
+def _draw(study: StudyReport, folder: Path, progress: Progress, several: bool) -> list[Path]:
     """The figures of a study as PDF, in a folder of their own if there are several studies."""
     if study.runs is None:
         return []
@@ -58,7 +58,7 @@ def _draw(study: StudyReport, folder: Path, tell: Tell, several: bool) -> list[P
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, figure in figures(study.runs, study.claims).items():
-        tell(f"{folder}: {name}")
+        progress(f"{folder}: {name}")
         paths.append(folder / f"{name}.pdf")
         save(figure, paths[-1])
     return paths

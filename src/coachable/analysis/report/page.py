@@ -17,7 +17,7 @@ from coachable.analysis.headlines import headline, summary
 from coachable.analysis.report.forest import marks, reach
 from coachable.analysis.report.packing import safe_json
 from coachable.analysis.report.provenance import provenance
-from coachable.analysis.report.study import StudyReport, Tell, labels, read_study
+from coachable.analysis.report.study import StudyReport, Progress, labels, read_study
 from coachable.analysis.report.walks import MOST_WALKS
 from coachable.analysis.sections import PAPER, heading
 from coachable.behaviours.text import to_text
@@ -46,25 +46,25 @@ _STYLES = ("vendor/uPlot.min.css", "page.css")
 
 
 def write_report(
-    paths: Sequence[Path], out: Path, *, bibtex: str, tell: Tell = lambda doing: None
+    paths: Sequence[Path], out: Path, *, bibtex: str, progress: Progress = lambda doing: None
 ) -> list[str]:
     """Write the report of some run folders as one HTML file.
 
     Folders that cannot be read are named in the page, and the others reported.
 
-    **Arguments:** `bibtex`, what to cite; `tell`, which is told what is under way.
+    **Arguments:** `bibtex`, what to cite; `progress`, which is called with what is under way.
 
     **Returns:** what could not be read, a sentence each.
 
     **Raises:** `RunFolderError` if none of the folders can be read.
     """
-    studies, problems = read_studies(paths, tell)
-    tell(f"{out}: writing")
+    studies, problems = read_studies(paths, progress)
+    progress(f"{out}: writing")
     write_atomic(out, render(studies, problems, bibtex))
     return [*problems, *(problem for study in studies for problem in study.problems)]
 
 
-def read_studies(paths: Sequence[Path], tell: Tell) -> tuple[list[StudyReport], list[str]]:
+def read_studies(paths: Sequence[Path], progress: Progress) -> tuple[list[StudyReport], list[str]]:
     """The studies in these folders, and for each that cannot be read a sentence that says why.
 
     **Raises:** `RunFolderError` if none can be read.
@@ -72,7 +72,7 @@ def read_studies(paths: Sequence[Path], tell: Tell) -> tuple[list[StudyReport], 
     studies, problems = [], []
     for path in paths:
         try:
-            study = read_study(path, tell)
+            study = read_study(path, progress)
             safe_json(study.data(0))  # what the page is made from can be bad, too
             provenance(study)
             studies.append(study)

@@ -30,8 +30,8 @@ from coachable.foundation.data import parse_json, structure
 from coachable.foundation.errors import RunFolderError
 from coachable.foundation.files import read_text
 
-Tell = Callable[[str], None]
-"""Is told what is under way."""
+Progress = Callable[[str], None]
+"""Is called with what is under way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,12 +173,12 @@ _OF_A_LANE = (
 """What the page's script knows of a lane's last policy: its name there, the column, and how many decimals."""
 
 
-def read_study(path: Path, tell: Tell) -> StudyReport:
+def read_study(path: Path, progress: Progress) -> StudyReport:
     """Read a run folder and decide its claims. What is damaged within it is named among the problems.
 
     **Raises:** `RunFolderError` if the folder itself, its plan or its behaviour cannot be read.
     """
-    tell(f"{path}: reading")
+    progress(f"{path}: reading")
     run = open_run(path)
     problems: list[str] = []
     runs, claims, sections, walks = None, (), (), {}
@@ -188,12 +188,12 @@ def read_study(path: Path, tell: Tell) -> StudyReport:
         problems.append(str(error))
     if runs and run.status == "complete":
         if runs.has_baseline:
-            tell(f"{path}: deciding the claims")
+            progress(f"{path}: deciding the claims")
             claims = decide(runs)
-        tell(f"{path}: statistics")
+        progress(f"{path}: statistics")
         sections = sections_of(runs, claims)
     if can_draw_walks(run.experiment) and (run.status == "complete" or run.has_table("trajectories")):
-        tell(f"{path}: walks")
+        progress(f"{path}: walks")
         try:
             walks = stored_walks(run)
         except RunFolderError as error:

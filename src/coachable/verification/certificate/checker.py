@@ -332,7 +332,7 @@ class Box:
 class Loop(NamedTuple):
     """The walker and how it is driven.
 
-    `controller` sets the torque at each step's start: from sets' hulls x and centres c (4, batch) it tells
+    `controller` sets the torque at each step's start: from sets' hulls x and centres c (4, batch) it gives
     jets of τ over x (2, 5, batch), slopes K such that τ(x) − τ(c) = K (x − c), and τ(c) (2, 1, batch); or
     None, where τ follows virtual gravity of this pull continuously. `step` is a time step's length [s].
     """
@@ -440,7 +440,7 @@ class Loop(NamedTuple):
 def check(certificate: Mapping[str, Any], progress: Callable[[float], None] = lambda done: None) -> Verdict:
     """Prove the claim of a certificate, or say where the proof fails.
 
-    `progress` is told the fraction done. Raises `CertificateError` for data that is no certificate.
+    `progress` is described the fraction done. Raises `CertificateError` for data that is no certificate.
     """
     began, reach, quickest, slowest, done = time.monotonic(), np.zeros(3), math.inf, 0.0, 0.0
     loop, box, strides, numbers, claim = read(certificate)
@@ -478,7 +478,7 @@ def read(data: Mapping[str, Any]) -> tuple[Loop, Box, int, tuple[int, ...], str]
         if (kind := given.pop("kind")) == "virtual-gravity":
             hold, slope = values(given, "hold", "slope")
             require(decimal(slope, -1.57).hi < 1.57, "a slope should be below 1.57 rad", ValueError)
-            pull, told = ival.tan(decimal(slope, -1.57)), f"virtual gravity of slope {slope} rad"
+            pull, described = ival.tan(decimal(slope, -1.57)), f"virtual gravity of slope {slope} rad"
             controller = partial(plant.virtual_gravity, pull) if hold else lambda x, centre: (None, None)
         elif kind == "network" and given.get("squashing") in ("clip", "tanh") and given.get("hold"):
             names = ("hold", "squashing", "low", "high", "weights", "biases")
@@ -489,18 +489,18 @@ def read(data: Mapping[str, Any]) -> tuple[Loop, Box, int, tuple[int, ...], str]
             low, high = (floats(bound, 2, 1) for bound in bounds)
             require(low <= high, "a torque's low should not be above its high", ValueError)
             controller = partial(network, layers, low, high, squashing)
-            told = f"this tanh network, its output in {bounds[0]} to {bounds[1]} ({squashing})"
+            described = f"this tanh network, its output in {bounds[0]} to {bounds[1]} ({squashing})"
         else:
             raise ValueError("the controller should be virtual gravity, or a network that is held")
         require(hold in (None, length), "a time step should be as long as a torque is held", ValueError)
         where = Box(floats(centre, 3, 1), floats(basis, 3, 3), floats(radii, 3, 1))
     except (KeyError, TypeError, ValueError, ArithmeticError) as error:
         raise CertificateError(f"this is no certificate: {type(error).__name__}: {error}") from None
-    told += f", set at touchdown and every {hold} s after it" if hold else ", continuous"
+    described += f", set at touchdown and every {hold} s after it" if hold else ", continuous"
     claim = (
         f"Right after an impact anywhere in the box around (β, θ̇1, θ̇2) = {centre} with radii "
         f"{radii} along the columns of {basis}, the compass walker (SI units: {data['plant']}) "
-        f"under {told}, touches down {strides} time(s) upright and is in the box again: it never falls."
+        f"under {described}, touches down {strides} time(s) upright and is in the box again: it never falls."
     )
     return Loop(plant, controller, pull, step, order), where, strides, numbers, claim
 

@@ -111,11 +111,11 @@ def propose(
     step = parts["controller"]["hold"] or "0.01"
     attempts: list[Attempt] = []
 
-    def tell(_: float) -> None:
-        gone = (time.monotonic() - began) / seconds
-        if gone >= 1:
+    def on_time(_: float) -> None:
+        share = (time.monotonic() - began) / seconds
+        if share >= 1:
             raise _TimeIsUp
-        progress(gone)
+        progress(share)
 
     def boxed(radius: float, number: int) -> dict[str, Any]:
         return parts | {
@@ -125,9 +125,9 @@ def propose(
 
     def attempt(radius: float, number: int) -> Verdict:
         try:
-            verdict = check(boxed(radius, number), tell)
+            verdict = check(boxed(radius, number), on_time)
         except CertificateError as error:
-            raise ParameterError(f"no certificate can say this walker's numbers: {error}") from None
+            raise ParameterError(f"no certificate can hold this walker's numbers: {error}") from None
         attempts.append(Attempt(radius, number, verdict))
         return verdict
 

@@ -102,8 +102,8 @@ def verify(
     made = _verify_plants(plants, level, folder, baseline, progress, certify=certify)
     for subject in subjects:
         if isinstance(subject, EpisodeSubject):
-            tell = partial(progress, subject.walker.name)
-            passport = episode_passport(subject, level, folder, tell, certify=certify)
+            advance = partial(progress, subject.walker.name)
+            passport = episode_passport(subject, level, folder, advance, certify=certify)
             made.append(_written(passport, folder, subject.behaviour))
     return made
 
