@@ -17,7 +17,7 @@ from coachable.behaviours.behaviour import Assignment
 from coachable.behaviours.checking.solver import sines
 from coachable.behaviours.checking.solver.affine import nearest_float
 from coachable.behaviours.checking.solver.encoding import Encoding, Formula, Real, State, Witness
-from coachable.behaviours.checking.solver.kinematics import Decision, decide
+from coachable.behaviours.checking.solver.kinematics import Decision, by_a_hair, decide
 from coachable.behaviours.expressions import Expression
 from coachable.behaviours.predicates import Comparison, Not, Predicate, holds
 
@@ -103,7 +103,8 @@ class Question:
     def witness(self) -> Witness | typing.Literal[False] | None:
         """A state that meets the requirements, False if none can, `None` if that is not known.
 
-        Short numbers are preferred. Every requirement made by `require` has been evaluated at it in floats.
+        Short numbers are preferred. Every requirement made by `require` has been evaluated at it in floats,
+        which may be wrong only where two sines are equal but for a hair; such a state is no witness.
         """
         if self._refuted_without_sines():
             return False
@@ -117,7 +118,8 @@ class Question:
             found = self._rounded(answer, self._encoding.free)
             if found is not None:
                 free = {name: nearest_float(value) for name, value in found.items()}
-                if all(holds(predicate, state.floats(free)) for predicate, state in self._claims):
+                claims = [(predicate, state.floats(free)) for predicate, state in self._claims]
+                if all(holds(one, floats) and not by_a_hair(one, floats) for one, floats in claims):
                     return {signal: free[f"{signal}@0"] for signal in self._signals}
                 all_are_left = False
                 self._required.append(
