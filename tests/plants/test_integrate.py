@@ -24,7 +24,17 @@ from coachable.plants import (
     rk4,
 )
 
-advance = eqx.filter_jit(plants.advance)
+compiled_advance = eqx.filter_jit(plants.advance)
+
+
+def advance(plant, x, foot_x, control, duration, **options):
+    """Compiled once for all durations and states."""
+    x, duration = jnp.asarray(x), jnp.asarray(duration, jnp.asarray(x).dtype)
+    options = {
+        name: jnp.asarray(value) if name == "touchdowns_before" else value for name, value in options.items()
+    }
+    return compiled_advance(plant, x, foot_x, control, duration, **options)
+
 
 spec = importlib.util.spec_from_file_location("oracle", Path(__file__).with_name("oracle.py"))
 assert spec is not None
@@ -40,7 +50,7 @@ def walk(controller, num_steps, x=None, plant=None, **options):
 
     def step(carry, _):
         x, foot_x = carry
-        moved = advance(plant, x, foot_x, controller(x), 0.01, **options)
+        moved = plants.advance(plant, x, foot_x, controller(x), 0.01, **options)
         return (moved.x, moved.foot_x), (moved.x, plant.base(moved.x, moved.foot_x)[0], moved.outcome)
 
     return jax.jit(lambda x: lax.scan(step, (x, jnp.zeros((), x.dtype)), length=num_steps)[1])(x)
@@ -70,7 +80,7 @@ def test_ten_seconds_in_float32_agree_to_a_millimetre(exact):
 def test_order_is_four_also_through_touchdowns(x64, seconds, touchdowns):
     torque = np.array([-1.35, -0.18])
     exact = oracle.walk(lambda x: torque, 1, control_dt=seconds)[0][-1]
-    num_substeps = [round(seconds * rate) for rate in (50, 100, 200, 400)]
+    num_substeps = (30, 60, 120, 240)
     errors = []
     for num in num_substeps:
         moved = advance(
@@ -205,7 +215,7 @@ def test_the_rest_of_a_step_after_touchdown_has_the_same_torque(x64):
     assert (whole.touchdowns, rest.touchdowns) == (1, 0)
     np.testing.assert_allclose(whole.x, rest.x, atol=1e-10)
     np.testing.assert_allclose(whole.segment_x, first.x, atol=1e-12)
-    assert whole.elapsed == 0.05
+    np.testing.assert_allclose(whole.elapsed, 0.05, rtol=1e-15)
 
 
 BACKWARD = (0.2, 0.21, -0.1, -2.5)
@@ -255,11 +265,11 @@ def test_vectorised_walkers_walk_like_single_ones(x64):
     )
 
     def one(x):
-        return advance(plant, x, jnp.zeros(()), jnp.array([-0.5, -0.1]), 0.02)
+        return plants.advance(plant, x, jnp.zeros(()), jnp.array([-0.5, -0.1]), 0.02)
 
-    together = jax.jit(jax.vmap(one))(states)
+    together, single = jax.jit(jax.vmap(one))(states), jax.jit(one)
     for index, x in enumerate(states):
-        alone = jax.jit(one)(x)
+        alone = single(x)
         jax.tree.map(
             lambda a, b, index=index: np.testing.assert_allclose(a, b[index], rtol=1e-13, atol=1e-13),
             alone,
@@ -292,7 +302,9 @@ def test_golden_orbit_of_continuous_virtual_gravity(x64):
 
     def stride(y):
         x = jnp.stack([y[0], -y[0], y[1], y[2]])
-        moved = advance(plant, x, jnp.zeros(()), jnp.zeros(2), 1.0, num_substeps=500, stop_at_touchdown=True)
+        moved = plants.advance(
+            plant, x, jnp.zeros(()), jnp.zeros(2), 1.0, num_substeps=500, stop_at_touchdown=True
+        )
         return moved.x[jnp.array([0, 2, 3])], moved
 
     after, moved = jax.jit(stride)(golden)

@@ -8,7 +8,7 @@ from typing import Literal
 
 from coachable.analysis.figures import figures
 from coachable.analysis.report.page import read_studies, write_report
-from coachable.analysis.report.study import StudyReport, Progress
+from coachable.analysis.report.study import Progress, StudyReport
 from coachable.analysis.table import markdown_of
 from coachable.foundation.files import make_folder, write_atomic
 from coachable.foundation.style import save

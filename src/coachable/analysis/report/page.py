@@ -17,7 +17,7 @@ from coachable.analysis.headlines import headline, summary
 from coachable.analysis.report.forest import marks, reach
 from coachable.analysis.report.packing import safe_json
 from coachable.analysis.report.provenance import provenance
-from coachable.analysis.report.study import StudyReport, Progress, labels, read_study
+from coachable.analysis.report.study import Progress, StudyReport, labels, read_study
 from coachable.analysis.report.walks import MOST_WALKS
 from coachable.analysis.sections import PAPER, heading
 from coachable.behaviours.text import to_text
