@@ -87,7 +87,7 @@ def integrate_through_events(
     plant: Dynamics,
     start: Progress,
     control: Float[Array, " control"],
-    duration: float,
+    duration: Float[Array, ""] | float,
     num_substeps: int,
     stop_at_touchdown: bool,
     touchdowns_before: Int[Array, ""] | int,

@@ -36,7 +36,7 @@ def advance(
     x: Float[Array, " state"],
     foot_x: Float[Array, ""],
     control: Float[Array, " control"],
-    duration: float,
+    duration: Float[Array, ""] | float,
     *,
     num_substeps: int | None = None,
     stop_at_touchdown: bool = False,
@@ -91,7 +91,7 @@ def _run_through(
     plant: Dynamics,
     x: Float[Array, " state"],
     control: Float[Array, " control"],
-    h: float,
+    h: Float[Array, ""] | float,
     num_substeps: int,
 ) -> tuple[Float[Array, " state"], Bool[Array, ""]]:
     """Return the state after all substeps, and whether no event was crossed on the way."""
