@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from coachable.rewards import Released as Released
     from coachable.rewards import RewardForm as RewardForm
     from coachable.rewards import RewardSetup as RewardSetup
+    from coachable.rewards import Schedule as Schedule
     from coachable.rewards import Shaping as Shaping
     from coachable.rewards import Stay as Stay
     from coachable.verification import Passport as Passport
@@ -95,6 +96,7 @@ _HOMES = {
     "RewardForm": "rewards",
     "RewardSetup": "rewards",
     "Run": "experiments",
+    "Schedule": "rewards",
     "Shaping": "rewards",
     "SignalPack": "envs",
     "Stay": "rewards",

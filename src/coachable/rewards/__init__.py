@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from coachable.rewards.forms import Potential as Potential
     from coachable.rewards.forms import Released as Released
     from coachable.rewards.forms import RewardForm as RewardForm
+    from coachable.rewards.forms import Schedule as Schedule
     from coachable.rewards.forms import Shaping as Shaping
     from coachable.rewards.forms import Stay as Stay
     from coachable.rewards.run_reward import RunReward as RunReward
@@ -33,6 +34,7 @@ _HOMES = {
     "RewardMemory": "rewards.described_reward",
     "RewardSetup": "rewards.setup",
     "RunReward": "rewards.run_reward",
+    "Schedule": "rewards.forms",
     "Shaping": "rewards.forms",
     "Stay": "rewards.forms",
     "StepInfo": "rewards.described_reward",

@@ -12,12 +12,12 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coachable.behaviours import Behaviour, Comparison, Edge, Phase, Signal
+from coachable.behaviours import Behaviour, Comparison, Dwell, Edge, Phase, Signal
 from coachable.envs.behaviour_reward import BehaviourReward
 from coachable.envs.vector_behaviour_reward import VectorBehaviourReward
 from coachable.foundation.errors import ParameterError
 from coachable.rewards.described_reward import DescribedReward
-from coachable.rewards.forms import BoundForm, Payment, Potential, RewardForm
+from coachable.rewards.forms import BoundForm, Payment, Potential, RewardForm, Schedule
 from coachable.rewards.forms.tables import Equation, Released, Stay
 from coachable.rewards.run_reward import RunReward
 from tests.automata.tracked import behaviour_of, descriptions
@@ -84,7 +84,7 @@ def at(row, number):
     return jax.tree.map(lambda leaf: leaf[number].item(), row)
 
 
-FORMS = [Stay(), Equation(), Released(), Potential(0.9, {"P0": 2.0}), Explore(), Hurry()]
+FORMS = [Stay(), Equation(), Released(), Potential(0.9, {"P0": 2.0}), Schedule(0.5), Explore(), Hurry()]
 XS = st.sampled_from([-0.3, -0.1, -0.05, 0.0, 0.05, 0.1, 0.3])
 BATCH = 3
 
@@ -98,11 +98,19 @@ def with_cycle(behaviour):
 
 
 def named(behaviour):
-    """With phases that are called P0, P1 and so on."""
+    """With phases that are called P0, P1 and so on, none of which may last for ever."""
     new = {name: f"P{number}" for number, name in enumerate(behaviour.phase_names)}
-    phases = tuple(dataclasses.replace(phase, name=new[phase.name]) for phase in behaviour.phases)
+    phases = tuple(
+        dataclasses.replace(phase, name=new[phase.name], dwell=limited(phase.dwell))
+        for phase in behaviour.phases
+    )
     edges = tuple(Edge(new[edge.source], new[edge.target]) for edge in behaviour.edges)
     return dataclasses.replace(behaviour, phases=phases, edges=edges)
+
+
+def limited(dwell):
+    """A dwell time with an end."""
+    return Dwell(0.0 if dwell is None else dwell.at_least, 1.0 if dwell is None else min(dwell.at_most, 1.0))
 
 
 def followed(reward, signals, ended, step):

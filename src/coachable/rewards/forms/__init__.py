@@ -3,6 +3,7 @@
 from coachable.rewards.forms.data import FORMS, form_from_data, form_of
 from coachable.rewards.forms.form import BoundForm, Payment, RewardForm, Step
 from coachable.rewards.forms.potential import Potential, Shaping
+from coachable.rewards.forms.schedule import Schedule
 from coachable.rewards.forms.tables import VARIANTS, Equation, Released, Stay, Variant, reward_table
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "Potential",
     "Released",
     "RewardForm",
+    "Schedule",
     "Shaping",
     "Stay",
     "Step",

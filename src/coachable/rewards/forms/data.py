@@ -12,10 +12,11 @@ from coachable.foundation.objects import object_named
 from coachable.foundation.suggestion import suggestion
 from coachable.rewards.forms.form import RewardForm
 from coachable.rewards.forms.potential import Potential
+from coachable.rewards.forms.schedule import Schedule
 from coachable.rewards.forms.tables import Equation, Released, Stay
 
 FORMS: Mapping[str, type[RewardForm]] = MappingProxyType(
-    {form.name: form for form in (Stay, Equation, Released, Potential)}
+    {form.name: form for form in (Stay, Equation, Released, Schedule, Potential)}
 )
 """The forms that ship, by name."""
 

@@ -123,9 +123,16 @@ class BoundForm(abc.ABC):
         return tuple(where(location == k, zero + 1, zero) for k in range(len(self.behaviour.phases) + 1))
 
 
-def beside(table: np.ndarray, like: Any) -> Any:
-    """A table in the library of an array, and in torch on its device, so that it can be looked up there."""
+def beside(table: np.ndarray, like: Any, dtype: Any = None) -> Any:
+    """A table in the library of an array, and in torch on its device, so that it can be looked up there.
+
+    **Arguments:** `dtype`: of that library, by default the table's own.
+    """
     xp = array_library(like)
     if xp is np:
-        return table
-    return xp.asarray(table, device=like.device) if xp.__name__ == "torch" else xp.asarray(table)
+        return table if dtype is None else table.astype(dtype)
+    return (
+        xp.asarray(table, dtype=dtype, device=like.device)
+        if xp.__name__ == "torch"
+        else xp.asarray(table, dtype=dtype)
+    )

@@ -1,0 +1,199 @@
+"""The schedule form: pays for being in the phase that is expected now, not for being in any."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from coachable.automata.classifier import array_library
+from coachable.automata.cycle_progress import pairs
+from coachable.automata.tracker import CLOCK_TOLERANCE
+from coachable.behaviours.behaviour import Behaviour, Dwell
+from coachable.foundation.errors import ParameterError
+from coachable.rewards.forms.form import BoundForm, Payment, RewardForm, Step, beside
+
+
+class Expected(NamedTuple):
+    """Where the expected run is, in any batch shape."""
+
+    phase: Int[Any, "*batch"]
+    """The expected phase 0 … K−1, or K: none, before the robot was in step."""
+    time: Float[Any, "*batch"]
+    """Since when it is expected [s]."""
+    visited: Bool[Any, "*batch"]
+    """Whether the robot has been in it since."""
+
+
+@dataclass(frozen=True)
+class Schedule(RewardForm):
+    """+1 in the expected phase, −1 in another or outside, less a fine for a phase that was passed over.
+
+    An *expected run* of the behaviour's automaton is beside the robot. It begins with the first phase on a
+    cycle that the robot is in. From the expected phase e it goes on
+
+    - with the robot, where the robot enters a successor of e, not before e's `at_least`;
+    - by itself, where e's `at_most` is over: to the target of e's first edge in the text.
+
+    If the robot goes on from e without having been there, the rest of its time is charged at once:
+    `skip_fine` for each step of `dt` that was left. A phase without successors stays expected: a goal.
+
+    **Arguments:** `skip_fine`, φ from 0, phases may be passed over, to 1, passing over pays no more than
+    waiting outside. Where an episode can be ended, a large fine is a reason to end it.
+
+    **Raises:** `ParameterError` for a fine that is not in [0, 1].
+    """
+
+    name: ClassVar[str] = "schedule"
+
+    skip_fine: int | float = 0.0
+
+    def __post_init__(self):
+        if not 0 <= self.skip_fine <= 1:
+            raise ParameterError(f"skip_fine is {self.skip_fine!r}; it must be between 0 and 1")
+
+    def bind(self, behaviour: Behaviour, dt: int | float | None) -> BoundSchedule:
+        """The expected run of the behaviour.
+
+        **Raises:** `ParameterError` for a phase on a cycle without `for at most`, and without `dt`.
+        """
+        if dt is None:
+            raise ParameterError(
+                "the form 'schedule' measures how long a phase lasts, so dt is needed: the time between two "
+                "steps in seconds"
+            )
+        bound = BoundSchedule(self, behaviour, dt)
+        endless = [
+            phase.name
+            for phase, on_cycle in zip(behaviour.phases, bound.on_cycle, strict=False)
+            if on_cycle and not math.isfinite((phase.dwell or Dwell()).at_most)
+        ]
+        if endless:
+            raise ParameterError(
+                f"behaviour {behaviour.name!r}: the form 'schedule' needs to know how long each phase on a "
+                f"cycle may last, but {_listed(endless)} may last for ever; write, for example, "
+                f"`for at most 0.3 s` after the phase's conditions"
+            )
+        return bound
+
+    def paid_by(self, behaviour: Behaviour) -> Mapping[str, object]:
+        """φ, and the edges in their order."""
+        return {"schedule": repr(self.skip_fine + 0.0), "edges": pairs(behaviour, behaviour.edges)}
+
+
+@dataclass(frozen=True, eq=False)
+class BoundSchedule(BoundForm):
+    """The expected run of a behaviour."""
+
+    form: Schedule
+    dt: int | float
+
+    def init(self, location: Int[Any, "*batch"], zero: Float[Any, "*batch"]) -> Expected:
+        """In the phase in which a run begins, if it is one that an expected run begins with."""
+        none = location * 0 + len(self.behaviour.phases)
+        begins = beside(self.first_phases, location)[location]
+        return Expected(array_library(zero).where(begins, location, none), zero, begins)
+
+    def pay(self, memory: tuple, step: Step) -> tuple[Expected, Payment]:
+        """±1 as the term `phases`, the fine as the term `passed_over`."""
+        (e, c, visited), q, zero = memory, step.move.location, step.zero
+        none = len(self.behaviour.phases)
+        where, dtype = array_library(zero).where, zero.dtype
+        at_least = beside(self._at_least, q, dtype)[e]
+        at_most = beside(self._at_most, q, dtype)[e]
+        tolerance = CLOCK_TOLERANCE * self.dt
+
+        time = c + step.elapsed
+        begins = (e == none) & beside(self.first_phases, q)[q]
+        robot_leads = beside(self._edges, q)[e, q] & (time >= at_least - tolerance)
+        schedule_leads = ~robot_leads & (time >= at_most - tolerance)
+        charged = robot_leads & ~visited & (at_most < math.inf) & (at_most > time)
+        left = where(charged, at_most - time, zero)
+
+        expected = where(begins | robot_leads, q, where(schedule_leads, beside(self._onward, q)[e], e))
+        begun = begins | robot_leads | schedule_leads
+        time = where(begun, zero, where(time < beside(self._longest, q, dtype)[e], time, c))
+        in_step = (q == expected) & (q != none)
+        after = Expected(expected, time, (visited & ~begun) | in_step)
+        terms = {
+            "phases": where(in_step, zero + 1, zero - 1),
+            "passed_over": zero - self.form.skip_fine * left / self.dt,
+        }
+        return after, Payment(terms, in_step, {"expected": expected, "expected_time": time})
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """One for each expected phase, the share of its time that is over, and whether it was visited."""
+        return (*(f"expected {name}" for name in self.behaviour.phase_names), "time over", "visited")
+
+    def observe(
+        self, memory: tuple, location: Int[Any, "*batch"], zero: Float[Any, "*batch"]
+    ) -> tuple[Float[Any, "*batch"], ...]:
+        """Those numbers; all are 0 while no phase is expected."""
+        (e, c, visited), where = memory, array_library(zero).where
+        share = c / beside(np.maximum(self._at_most, self.dt), e, zero.dtype)[e]
+        return (
+            *(where(e == k, zero + 1, zero) for k in range(len(self.behaviour.phases))),
+            where(share < 1, share, zero + 1),
+            where(visited, zero + 1, zero),
+        )
+
+    # Tables by the expected phase; their last row is that of none.
+
+    @cached_property
+    def _edges(self) -> Bool[np.ndarray, "expected location"]:
+        """Whether an edge leads from a phase to another one; staying is no edge here."""
+        count = len(self.behaviour.phases)
+        edges = np.zeros((count + 1, count + 1), bool)
+        for source, target in pairs(self.behaviour, self.behaviour.edges):
+            edges[source, target] = source != target
+        return edges
+
+    @cached_property
+    def on_cycle(self) -> Bool[np.ndarray, " expected"]:
+        """Whether edges lead from a phase back to itself."""
+        reached = self._edges.copy()
+        for k in range(len(reached)):
+            reached |= reached[:, k, None] & reached[k]
+        return reached.diagonal().copy()
+
+    @cached_property
+    def first_phases(self) -> Bool[np.ndarray, " location"]:
+        """Whether a run begins at a location: phases on a cycle or, if there is no cycle, all."""
+        phases = np.arange(len(self.behaviour.phases) + 2) < len(self.behaviour.phases)
+        return phases & (np.pad(self.on_cycle, (0, 1)) | ~self.on_cycle.any())
+
+    @cached_property
+    def _onward(self) -> Int[np.ndarray, " expected"]:
+        """Where the expected run goes by itself: along the first edge, or nowhere."""
+        onward = np.arange(len(self.behaviour.phases) + 1)
+        for source, target in reversed(pairs(self.behaviour, self.behaviour.edges)):
+            onward[source] = target if source != target else onward[source]
+        return onward
+
+    @cached_property
+    def _at_least(self) -> Float[np.ndarray, " expected"]:
+        return np.array([(phase.dwell or Dwell()).at_least for phase in self.behaviour.phases] + [0.0])
+
+    @cached_property
+    def _at_most(self) -> Float[np.ndarray, " expected"]:
+        """Infinite for a goal, which has no time to be over."""
+        times = [(phase.dwell or Dwell()).at_most for phase in self.behaviour.phases]
+        return np.where(self._edges.any(1), [*times, math.inf], math.inf)
+
+    @cached_property
+    def _longest(self) -> Float[np.ndarray, " expected"]:
+        """From here on a phase's time changes nothing, and is counted no further: memories come again."""
+        longest = np.where(np.isfinite(self._at_most), self._at_most, self._at_least + 2 * self.dt)
+        longest[-1] = 0.0
+        return longest
+
+
+def _listed(names: list[str]) -> str:
+    *others, last = names
+    return f"{', '.join(others)} and {last}" if others else last

@@ -1,0 +1,194 @@
+"""The schedule form: its definition followed by an oracle in plain Python, and what it should pay for."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from coachable.behaviours import Behaviour, Dwell, Edge, Near, Phase, Signal, load_behaviour
+from coachable.foundation.errors import ParameterError
+from coachable.rewards.described_reward import DescribedReward
+from coachable.rewards.forms import Schedule, form_from_data
+from coachable.rewards.reward_hash import hash_of_paid
+
+DT = 0.25
+OUTSIDE = "."
+
+
+def rooms(limits, edges):
+    """The signal `room` says which phase it is; `limits` are the phases' times in steps, by name."""
+    phases = tuple(
+        Phase(name, "", Near("room", index, 0.1), Dwell(least * DT, most * DT))
+        for index, (name, (least, most)) in enumerate(limits.items())
+    )
+    return Behaviour("rooms", "", (Signal("room"),), phases, tuple(Edge(*pair) for pair in edges))
+
+
+def paid(behaviour, walk, fine=1.0, **options):
+    """What each step of a walk through rooms is paid."""
+    reward = DescribedReward(behaviour, Schedule(fine), DT, **options)
+    names = behaviour.phase_names
+    signals = [np.array([float(names.index(room)) if room in names else -1.0]) for room in walk]
+    memory, rows = reward.init(signals[0]), []
+    for sample in signals[1:]:
+        memory, pay, info = reward.step(memory, sample)
+        rows.append((float(pay), info))
+    return rows
+
+
+class Oracle:
+    """The definition, line by line, with times in whole steps."""
+
+    def __init__(self, limits, edges, fine):
+        self.limits, self.fine = limits, fine
+        self.edges = [pair for pair in edges if pair[0] != pair[1]]
+        self.e, self.c, self.v = None, 0, False
+        reached = {name: {target for source, target in self.edges if source == name} for name in limits}
+        for _ in limits:
+            for name in limits:
+                reached[name] |= set().union(*(reached[target] for target in reached[name]))
+        on_cycle = {name for name in limits if name in reached[name]}
+        self.begins = on_cycle or set(limits)
+
+    def sample(self, q, begin=False):
+        """What the sample in q is paid, and the phase that is expected then."""
+        fine = 0.0
+        if self.e is None:
+            if q in self.begins:
+                self.e, self.c, self.v = q, 0, True
+        elif not begin:
+            self.c += 1
+            least, most = self.limits[self.e]
+            successors = [target for source, target in self.edges if source == self.e]
+            if q in successors and self.c >= least:
+                if not self.v and math.isfinite(most):
+                    fine = self.fine * max(0, most - self.c)
+                self.e, self.c, self.v = q, 0, False
+            elif successors and self.c >= most:
+                self.e, self.c, self.v = successors[0], 0, False
+            self.v = self.v or q == self.e
+        return (1.0 if self.e is not None and q == self.e else -1.0) - fine, self.e
+
+
+NAMES = "ABCD"
+LIMITS = st.tuples(st.integers(0, 2), st.integers(0, 4)).map(lambda pair: (min(pair), max(pair)))
+PAIRS = st.lists(st.tuples(st.sampled_from(NAMES), st.sampled_from(NAMES)), unique=True, max_size=7)
+
+
+@settings(max_examples=100)
+@given(
+    limits=st.fixed_dictionaries(dict.fromkeys(NAMES, LIMITS)),
+    edges=PAIRS,
+    walk=st.text(NAMES + OUTSIDE, min_size=2, max_size=25),
+    fine=st.sampled_from([0.0, 0.3, 1.0]),
+)
+@example(dict.fromkeys(NAMES, (0, 2)), [("A", "B"), ("B", "C"), ("C", "A")], "AABBCCAABBDCC", 1.0)
+@example(dict.fromkeys(NAMES, (1, 3)), [("A", "B"), ("A", "C"), ("B", "A"), ("C", "A")], "ACACAABBC", 0.3)
+@example(dict.fromkeys(NAMES, (0, 2)), [("A", "B"), ("B", "C")], "ABCCCCCABA", 1.0)
+def test_it_pays_by_its_definition(limits, edges, walk, fine):
+    limits = {name: limits[name] for name in NAMES}
+    oracle = Oracle(limits, edges, fine)
+    oracle.sample(walk[0], begin=True)
+    names = [*NAMES, None]
+    for (pay, info), room in zip(paid(rooms(limits, edges), walk, fine), walk[1:], strict=True):
+        expected, phase = oracle.sample(room)
+        assert names[int(info.form["expected"])] == phase
+        assert pay == pytest.approx(expected)
+        assert bool(info.follows) == (room == phase)
+
+
+RING = [("A", "B"), ("B", "C"), ("C", "A")]
+SHORT = dict.fromkeys("ABC", (0, 2))
+
+
+def pays(walk, limits=SHORT, edges=RING, fine=1.0):
+    return [pay for pay, _ in paid(rooms(limits, edges), walk, fine)]
+
+
+def test_who_goes_through_the_phases_in_their_time_is_always_paid():
+    assert pays("AABBCCAABC") == [1] * 9
+
+
+def test_who_stands_still_is_paid_only_while_that_is_expected():
+    # As soon as C is expected, being in A is going on from C, which was passed over.
+    assert pays("AAAAAAAA") == [1, -1, -1, -1, 1 - 1, 1, -1]
+
+
+def test_a_phase_that_is_passed_over_is_charged_at_once():
+    # From A the robot goes outside until B is expected, and on to C, with both of B's steps left but one.
+    assert pays("AA.CC") == [1, -1, 1 - 1, 1]
+    assert pays("AA.CC", fine=0.0) == [1, -1, 1, 1]
+    assert pays("AA.CC", fine=0.5) == [1, -1, 0.5, 1]
+
+
+def test_a_minimum_time_holds_the_expected_run_back():
+    assert pays("AAB", dict.fromkeys("ABC", (3, 4))) == [1, -1]
+
+
+def test_a_goal_stays_expected():
+    assert pays("ABCCCCCC", edges=[("A", "B"), ("B", "C")]) == [1] * 7
+
+
+def test_a_sample_outside_does_not_wind_the_clock_back():
+    """Nodding out of a phase undoes a limit of the form `stay`; here the time runs on."""
+    assert sum(pays("AA.AA.AA.AA.AA.", SHORT)) < 0
+
+
+def test_the_time_that_a_step_lasted_counts_and_the_nominal_one_is_charged():
+    reward = DescribedReward(rooms(SHORT, RING), Schedule(1.0), DT)
+    memory = reward.init(np.array([0.0]))
+    memory, _, _ = reward.step(memory, np.array([0.0]), elapsed=0.1)
+    memory, _, info = reward.step(memory, np.array([0.0]), elapsed=0.1)
+    assert float(info.form["expected_time"]) == pytest.approx(0.2)
+    memory, _, info = reward.step(memory, np.array([-1.0]), elapsed=0.3)  # time is up: B is expected
+    _, _, info = reward.step(memory, np.array([2.0]), elapsed=0.1)
+    assert float(info.terms["passed_over"]) == pytest.approx(-(0.5 - 0.1) / DT)
+
+
+def test_twenty_samples_of_a_hundredth_are_a_fifth_of_a_second_in_single_precision():
+    phases = tuple(Phase(name, "", Near("room", i, 0.1), Dwell(0, 0.2)) for i, name in enumerate("ABC"))
+    behaviour = Behaviour("rooms", "", (Signal("room"),), phases, tuple(Edge(*pair) for pair in RING))
+    reward = DescribedReward(behaviour, "schedule", 0.01)
+    here = np.zeros((1,), np.float32)
+    memory, paid = reward.init(here), []
+    for _ in range(60):
+        memory, pay, _ = reward.step(memory, here)
+        paid.append(float(pay))
+    assert paid == [1.0] * 19 + [-1.0] * 21 + [1.0] * 20
+
+
+def test_a_policy_may_see_the_expected_run():
+    reward = DescribedReward(rooms(SHORT, RING), Schedule(), DT)
+    assert reward.observation_names == ("expected A", "expected B", "expected C", "time over", "visited")
+    memory = reward.init(np.array([-1.0]))
+    assert reward.observe(memory, np.array([-1.0])).tolist() == [0, 0, 0, 0, 0]
+    memory, _, _ = reward.step(memory, np.array([1.0]))
+    assert reward.observe(memory, np.array([1.0])).tolist() == [0, 1, 0, 0, 1]
+    memory, _, _ = reward.step(memory, np.array([1.0]))
+    assert reward.observe(memory, np.array([1.0])).tolist() == [0, 1, 0, 0.5, 1]
+    memory, _, _ = reward.step(memory, np.array([-1.0]))
+    assert reward.observe(memory, np.array([-1.0])).tolist() == [0, 0, 1, 0, 0]
+
+
+def test_a_phase_on_a_cycle_needs_an_end_and_dt_is_needed():
+    with pytest.raises(ParameterError, match=r"O1, O2, O3 and O4 may last for ever.*for at most"):
+        DescribedReward(load_behaviour("compass-walking"), "schedule", 0.01)
+    with pytest.raises(ParameterError, match="dt is needed"):
+        Schedule().bind(rooms(SHORT, RING), None)
+
+
+@pytest.mark.parametrize("fine", [-0.1, 1.1, math.nan])
+def test_a_fine_is_a_share(fine):
+    with pytest.raises(ParameterError, match="skip_fine"):
+        Schedule(fine)
+
+
+def test_the_order_of_edges_and_the_fine_are_part_of_what_is_paid():
+    forks = [("A", "B"), ("A", "C"), ("B", "A"), ("C", "A")]
+    one, other = rooms(SHORT, forks), rooms(SHORT, [forks[1], forks[0], *forks[2:]])
+    assert hash_of_paid(one, Schedule()) != hash_of_paid(other, Schedule())
+    assert hash_of_paid(one, Schedule()) != hash_of_paid(one, Schedule(1.0))
+    assert form_from_data({"form": "schedule", "skip_fine": 1}) == Schedule(1)
+    assert form_from_data(Schedule(0.5).to_data()) == Schedule(0.5)
