@@ -15,8 +15,9 @@ from coachable.automata.explanation import as_json, as_text, explain
 from coachable.automata.monitor import Monitor
 from coachable.automata.trace import Trace
 from coachable.automata.trace_file import read_trace, write_trace
-from coachable.behaviours import load_behaviour, parse
+from coachable.behaviours import load_behaviour
 from coachable.behaviours.predicates import Signal
+from coachable.behaviours.text import parse
 from coachable.envs.baselines import baseline
 from coachable.foundation.errors import TraceError
 
