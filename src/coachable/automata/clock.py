@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC
 from types import MappingProxyType
@@ -14,7 +14,8 @@ from jaxtyping import Float
 
 from coachable.foundation.errors import TraceError
 
-Column = Sequence[Any] | np.ndarray
+Column = Any
+"""A number or a time for each sample, in whatever NumPy makes an array of; Python and pandas included."""
 
 UNITS: Mapping[str, int] = MappingProxyType(
     {"s": 1, "sec": 1, "ms": 10**3, "us": 10**6, "µs": 10**6, "μs": 10**6, "ns": 10**9}

@@ -111,7 +111,7 @@ class Monitor:
         """The phase at the last sample; `None` outside and before the first sample."""
         return self._name(self._location)
 
-    def feed(self, t: float, values: Mapping[str, float]) -> tuple[Violation, ...]:
+    def feed(self, t: Any, values: Mapping[str, Any]) -> tuple[Violation, ...]:
         """Process one sample and return its violations.
 
         **Arguments:** `t`, its time [s], or a date; `values`, the signals by name, NaN where one is missing;
@@ -300,7 +300,7 @@ class Monitor:
     def _dwell(self) -> Dwell | None:
         return self._tracker.dwells[self._location] if self._location < len(self._stays) else None
 
-    def _sample(self, t: Any, values: Mapping[str, float]) -> tuple[float, dict[str, float], Clock]:
+    def _sample(self, t: Any, values: Mapping[str, Any]) -> tuple[float, dict[str, float], Clock]:
         self._require_signals(values)
         clock = self._clock
         given = math.nan if t is np.ma.masked else t
