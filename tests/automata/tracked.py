@@ -49,25 +49,30 @@ class Step(NamedTuple):
     first: bool
     too_short: bool
     too_long: bool
+    stay: int
+    """The number of the sample at which the stay began."""
 
 
-def follow(behaviour, xs):
-    """What every sample brings, by the words of the decision on deadband and dwell."""
+def follow(behaviour, xs, flicker=1):
+    """What every sample brings, by the words of the decision on deadband, dwell and flicker [samples]."""
     phases = {phase.name: phase for phase in behaviour.phases}
-    steps, previous, samples_in, entered = [], None, 0, False
+    steps, previous, began, left = [], None, {}, {}
     for index, x in enumerate(xs):
         phase = behaviour.phase_at({"x": x})
         if previous is not None and _stays(phases[previous], x):
             phase = previous
         too_short = too_long = False
-        if index:
-            samples_in += 1
-            dwell = (phases[previous].dwell if previous is not None else None) or Dwell()
-            too_short = phase != previous and entered and samples_in * DT < dwell.at_least
-            too_long = phase == previous and samples_in * DT > dwell.at_most
-            if phase != previous:
-                samples_in, entered = 0, True
-        steps.append(Step(previous, phase, index == 0, too_short, too_long))
+        if index and previous != phase and previous is not None:
+            left[previous] = index
+            least = (phases[previous].dwell or Dwell()).at_least
+            too_short = began[previous] > 0 and (index - began[previous]) * DT < least
+        new = phase not in left or index - left[phase] > flicker
+        if phase is not None and (not index or previous != phase) and new:
+            began[phase] = index
+        if phase is not None and began[phase] < index:
+            too_long = (index - began[phase]) * DT > (phases[phase].dwell or Dwell()).at_most
+        stay = index if phase is None else began[phase]
+        steps.append(Step(previous, phase, index == 0, too_short, too_long, stay))
         previous = phase
     return steps
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -19,15 +20,24 @@ CLOCK_TOLERANCE = 1e-3
 """A dwell time is violated only by more than this share of a sample: sums of steps are not exact."""
 
 
+class Stay(NamedTuple):
+    """The current or the last stay in a phase, in any batch shape."""
+
+    time: Float[Any, "*batch"]
+    """From its first sample to the last sample of the run [s]."""
+    entered: Bool[Any, "*batch"]
+    """Whether its entry was observed."""
+    absent: Float[Any, "*batch"]
+    """From the first sample outside since then to the last sample [s]; 0 inside, infinite without a stay."""
+
+
 class Memory(NamedTuple):
     """The memory from one sample to the next, in any batch shape; for JAX it is a pytree."""
 
     location: Int[Any, "*batch"]
     """A phase 0 … K−1, K outside all of them, or K+1: *none yet*, before the first sample."""
-    time: Float[Any, "*batch"] | None = None
-    """From the first sample there to the last [s]; `None` without dwell times."""
-    entered: Bool[Any, "*batch"] | None = None
-    """Whether its entry was observed; `None` without dwell times."""
+    stays: tuple[Stay, ...] = ()
+    """The last stay in each phase with a dwell time, in the behaviour's order."""
 
 
 class Move(NamedTuple):
@@ -52,6 +62,8 @@ class Tracker:
     - *Dwell*: the time in a phase runs from the first sample in it. Leaving it before `at_least` is a
       violation at the sample that has left; every sample inside it beyond `at_most` is one. A phase in
       which the trajectory began is not held to its minimum.
+    - *Flicker*: where a phase is entered again after an absence of at most `flicker`, in whatever other
+      phase or outside, its stay goes on, and its time counts on through the absence.
 
     A behaviour without either needs no memory but the location, and nothing else is then computed. Like the
     classifier, a tracker is an immutable value, and the same code serves NumPy, JAX and torch.
@@ -62,9 +74,11 @@ class Tracker:
     """For each phase with a deadband, the predicate of staying in it."""
     dwells: tuple[Dwell | None, ...]
     """The dwell time of each phase that has one."""
+    flicker: float | None = None
+    """The longest absence through which a stay goes on [s]; `None` for one sample, 0 for none."""
 
     @staticmethod
-    def of(behaviour: Behaviour) -> Tracker:
+    def of(behaviour: Behaviour, flicker: float | None = None) -> Tracker:
         """The tracker of a behaviour."""
         return Tracker(
             Classifier.of(behaviour),
@@ -73,6 +87,7 @@ class Tracker:
                 for phase in behaviour.phases
             ),
             tuple(map(_dwell, behaviour.phases)),
+            flicker,
         )
 
     @property
@@ -102,24 +117,28 @@ class Tracker:
         time between the two samples [s].
         """
         previous, location = memory.location, self.locate(signals, memory.location)
-        if memory.time is None or memory.entered is None:
+        if not self.has_dwells:
             return Memory(location), Move(previous, location)
-        xp = array_library(signals)
-        moved = location != previous
-        time, tolerance = memory.time + dt, CLOCK_TOLERANCE * dt
-        too_short = too_long = moved & ~moved
-        for index, dwell in enumerate(self.dwells):
-            if dwell is not None:
-                was_there = previous == index
-                too_early = memory.entered & dwell.too_short(time, tolerance)
-                too_short = too_short | (was_there & moved & too_early)
-                too_long = too_long | (was_there & ~moved & dwell.too_long(time, tolerance))
-        after = Memory(
-            location,
-            xp.where(moved, 0.0, time),
-            xp.where(moved, previous != self.none_yet, memory.entered),
-        )
-        return after, Move(previous, location, too_short, too_long)
+        where = array_library(signals).where
+        tolerance = CLOCK_TOLERANCE * dt
+        too_short = too_long = location != location
+        stays = []
+        for (index, dwell), stay in zip(self._limited, memory.stays, strict=True):
+            was, now = previous == index, location == index
+            absent = where(was, 0.0, stay.absent + dt)
+            time = stay.time + dt
+            goes_on = now & (was | (absent <= (dt if self.flicker is None else self.flicker + tolerance)))
+            too_short = too_short | (was & ~now & stay.entered & dwell.too_short(time, tolerance))
+            too_long = too_long | (goes_on & dwell.too_long(time, tolerance))
+            begins = now & ~goes_on
+            stays.append(
+                Stay(
+                    where(begins, 0.0, time),
+                    where(begins, previous != self.none_yet, stay.entered),
+                    where(now, 0.0, absent),
+                )
+            )
+        return Memory(location, tuple(stays)), Move(previous, location, too_short, too_long)
 
     def locate(
         self, signals: Float[Any, "*batch num_signals"], previous: Int[Any, "*batch"]
@@ -170,8 +189,17 @@ class Tracker:
     def _fresh(self, signals: Float[Any, "*batch num_signals"], location: Int[Any, "*batch"]) -> Memory:
         if not self.has_dwells:
             return Memory(location)
-        xp = array_library(signals)
-        return Memory(location, xp.zeros_like(signals[..., 0]), location != location)
+        zero, no = array_library(signals).zeros_like(signals[..., 0]), location != location
+        stays = [
+            Stay(zero, no, array_library(signals).where(location == index, zero, zero + math.inf))
+            for index, _ in self._limited
+        ]
+        return Memory(location, tuple(stays))
+
+    @property
+    def _limited(self) -> list[tuple[int, Dwell]]:
+        """The phases with a dwell time, and that."""
+        return [(index, dwell) for index, dwell in enumerate(self.dwells) if dwell is not None]
 
 
 def has_deadband(predicate: Predicate) -> bool:

@@ -62,6 +62,8 @@ class Violation:
     values: Mapping[str, float]
     """The signals at this sample, by name."""
     behaviour: Behaviour = field(repr=False)
+    absences: int = 0
+    """How many short absences from `source` there were in that time."""
 
     @property
     def sentence(self) -> str:
@@ -84,7 +86,12 @@ class Violation:
                 return f"{way} comes too soon: {lasted} of at least {least:g} s."
             case Kind.TOO_LONG:
                 most = self._dwell().at_most
-                return f"{self.source} lasts too long: {seconds(self.duration)} s of at most {most:g} s."
+                away = f", {self.absences} short absence{'s' * (self.absences > 1)} included" * (
+                    self.absences > 0
+                )
+                return (
+                    f"{self.source} lasts too long: {seconds(self.duration)} s{away} of at most {most:g} s."
+                )
 
     def _phase(self, name: str) -> Phase:
         return next(phase for phase in self.behaviour.phases if phase.name == name)

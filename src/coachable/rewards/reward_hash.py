@@ -34,6 +34,8 @@ def hash_of_paid(behaviour: Behaviour, form: RewardForm | str, **also: object) -
     }
     if any(phase.dwell not in (None, Dwell()) for phase in behaviour.phases):
         paid["dwells"] = [_times(phase.dwell or Dwell()) for phase in behaviour.phases]
+        if (flicker := form_of(form).flicker) != 0:
+            paid["flicker"] = None if flicker is None else repr(float(flicker))
     return hashlib.sha256(json.dumps(paid, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
