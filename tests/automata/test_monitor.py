@@ -199,10 +199,10 @@ def test_nan_is_outside_and_named():
 
 def test_dwell_times_are_told():
     behaviour = one_phase(Comparison("x", ">", 0), Dwell(0.05, 0.1))
-    texts = sentences(behaviour, 0.02 * np.arange(11), x=[0, 1, 1, 0, 1, 1, 1, 1, 1, 1, 1], y=[0] * 11)
+    texts = sentences(behaviour, 0.02 * np.arange(12), x=[0, 1, 1, 0, 0, 1, 1, 1, 1, 1, 1, 1], y=[0] * 12)
     assert texts[2:] == [
         "t = 0.06 s: P → outside comes too soon: P lasted 0.04 s of at least 0.05 s.",
-        "t = 0.2 s: P lasts too long: 0.12 s of at most 0.1 s.",
+        "t = 0.22 s: P lasts too long: 0.12 s of at most 0.1 s.",
     ]
 
 
@@ -300,6 +300,9 @@ def test_pandas_gives_times_and_what_is_missing():
         report = stand(times, columns)
         assert report.end == pytest.approx(0.02)
         assert report.samples_in["P"] == 2
+    for missing in ([pd.Timedelta(0), pd.NaT], [pd.Timestamp(0), pd.NaT], [pd.NaT, pd.NaT]):
+        with pytest.raises(TraceError, match="its time is not a number"):
+            stand(missing)
 
 
 def test_whole_numbers_that_are_no_seconds_are_refused_one_by_one():
@@ -329,8 +332,17 @@ def test_what_is_masked_is_missing():
     monitor = Monitor(one_phase(Comparison("x", ">", 0)))
     (violation,) = monitor.feed(0.0, {"x": np.ma.masked, "y": 0.0})
     assert violation.sentence.endswith("x is NaN.")
-    with pytest.raises(TraceError, match="sample 2: its time is not a number"):
-        stand(masked, {"x": [1.0] * 3, "y": [1.0] * 3})
+    for times in (
+        masked,
+        np.ma.array(STAMPS, mask=masked.mask),
+        np.ma.array(STAMPS - STAMPS[0], mask=masked.mask),
+    ):
+        with pytest.raises(TraceError, match="sample 2: its time is not a number"):
+            stand(times, {"x": [1.0] * 3, "y": [1.0] * 3})
+        monitor = Monitor(one_phase(Comparison("x", ">", 0)))
+        monitor.feed(times[0], {"x": 1.0, "y": 0.0})
+        with pytest.raises(TraceError, match="sample 2: its time is not a number"):
+            monitor.feed(times[1], {"x": 1.0, "y": 0.0})
     with pytest.raises(TraceError, match="signal x must be numbers"):
         stand([0, 1, 2], {"x": STAMPS, "y": [1.0] * 3})
 
@@ -385,7 +397,7 @@ def nodding(flicker=None, absence=1):
 def test_a_limit_is_not_undone_by_one_sample_outside():
     (violation,), report = nodding()
     assert violation.time == pytest.approx(5.1)
-    assert "P lasts too long: 5.1 s, 1 short absence included of at most 5 s" in violation.sentence
+    assert "P lasts too long: 5.1 s, 1 short absence included, of at most 5 s" in violation.sentence
     assert report.stays["P"].longest == pytest.approx(4.0)
     assert not nodding(absence=2)[0]
     assert nodding(flicker=0.2, absence=2)[0]

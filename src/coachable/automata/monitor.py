@@ -91,6 +91,7 @@ class Monitor:
         self._edges = frozenset(pairs(behaviour, behaviour.edges))
         self._cycles = [_Cycle(pairs(behaviour, cycle)) for cycle in behaviour.cycles]
         self._location = self._tracker.none_yet
+        self._none_held = self._held = self._tracker.latches.none(self._location)
         self._entered = False
         self._overdue = False
         self._was_outside = False
@@ -129,7 +130,7 @@ class Monitor:
                 self._begin_anew(t)
                 tolerance = 0.0
             self._intervals = [*self._intervals[1:], interval]
-        target = self._diagram.locate([*here.values()], self._location)
+        target, self._held = self._diagram.step([*here.values()], self._location, self._held)
         found = []
         if target != self._location:
             found = self._move(target, self._last, t, tolerance, here)
@@ -186,7 +187,7 @@ class Monitor:
         tolerances: Float[np.ndarray, " samples"],
     ) -> tuple[Int[np.ndarray, " samples"], list[Violation]]:
         """The locations and violations of samples without a gap between them."""
-        locations = self._tracker.along(columns, self._location)
+        locations, self._held = self._tracker.along_with(columns, self._location, self._held)
         came_from = np.concatenate([[self._location], locations[:-1]])
         found: list[Violation] = []
 
@@ -213,7 +214,7 @@ class Monitor:
         self._gaps = self._gaps.and_one(self._last, time)
         self._was_outside = self._location == self._tracker.classifier.outside
         self._location, self._entered, self._overdue = self._tracker.none_yet, False, False
-        self._left, self._absences = {}, 0
+        self._held, self._left, self._absences = self._none_held, {}, 0
         for cycle in self._cycles:
             cycle.begin_anew()
 
@@ -303,8 +304,10 @@ class Monitor:
     def _sample(self, t: Any, values: Mapping[str, Any]) -> tuple[float, dict[str, float], Clock]:
         self._require_signals(values)
         clock = self._clock
-        given = math.nan if t is np.ma.masked else t
-        if not (isinstance(given, float) and clock.per_second == 1 and clock.origin == 0):
+        given = t
+        if t is np.ma.masked:
+            t = math.nan
+        elif not (isinstance(given, float) and clock.per_second == 1 and clock.origin == 0):
             times, clock = clock.seconds([given])
             t = float(times[0])
         if not math.isfinite(t):
@@ -319,7 +322,7 @@ class Monitor:
         here = {name: values[name] for name in self.behaviour.signal_names}
         for name, value in here.items():
             try:
-                here[name] = math.nan if value is np.ma.masked else float(value)
+                here[name] = math.nan if value is np.ma.masked or value is None else float(value)
             except (TypeError, ValueError):
                 raise TraceError(f"signal {name} must be a number, but it is {value!r}") from None
         return t, here, clock

@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from coachable.automata.latches import has_deadband
 from coachable.automata.trace import seconds
-from coachable.automata.tracker import has_deadband
 from coachable.behaviours.behaviour import Behaviour, Dwell, Phase
 from coachable.behaviours.expressions import (
     Arithmetic,
@@ -86,9 +86,8 @@ class Violation:
                 return f"{way} comes too soon: {lasted} of at least {least:g} s."
             case Kind.TOO_LONG:
                 most = self._dwell().at_most
-                away = f", {self.absences} short absence{'s' * (self.absences > 1)} included" * (
-                    self.absences > 0
-                )
+                count = self.absences
+                away = f", {count} short absence{'s' * (count > 1)} included," if count else ""
                 return (
                     f"{self.source} lasts too long: {seconds(self.duration)} s{away} of at most {most:g} s."
                 )

@@ -56,7 +56,8 @@ class RunReward:
         self._reward = reward
         tracker = reward.tracker
         self._none_yet = tracker.none_yet
-        self._locate = DecisionDiagram(tracker).locate
+        self._locate = DecisionDiagram(tracker).step
+        self._held = self._none_held = tracker.latches.none(tracker.none_yet)
         self._dwells = (*tracker.dwells, None) if tracker.has_dwells else ()
         self._flicker = tracker.flicker
         self._dt = reward.dt or 0.0
@@ -69,7 +70,8 @@ class RunReward:
 
     def begin(self, values: Sequence[float]) -> RunStep:
         """Begin an episode with the behaviour's signals in its order; a `RunStep` that pays 0."""
-        begun = self._first[self._locate(values, self._none_yet)]
+        location, self._held = self._locate(values, self._none_yet, self._none_held)
+        begun = self._first[location]
         self._location, self._memory = begun.location, begun.memory
         self._stays = {}
         if self._dwells and self._dwells[self._location] is not None:
@@ -78,7 +80,8 @@ class RunReward:
 
     def step(self, values: Sequence[float], terminated: bool) -> RunStep:
         """One more step, and what it was. `begin` comes first."""
-        previous, location = self._location, self._locate(values, self._location)
+        previous = self._location
+        location, self._held = self._locate(values, previous, self._held)
         too_short, too_long = self._clocked(previous, location) if self._dwells else (None, None)
         case = (self._memory, previous, location, too_short, too_long, terminated)
         step = self._steps.get(case)
