@@ -302,8 +302,9 @@ def test_a_gap_is_reported_and_judges_nothing(tmp_path):
 
 
 def test_a_gap_right_behind_the_first_sample_is_found_in_a_file(tmp_path):
-    path = write(tmp_path / "gap.csv", {"t": [0, 5, 5.1, 5.2, 5.3], "load": [500] * 5})
-    assert explain(FOOT, path).report.gaps.first == (0, 5)
+    for count in (3, 5):
+        path = write(tmp_path / "gap.csv", {"t": [0, 5, 5.1, 5.2, 5.3][:count], "load": [500] * count})
+        assert explain(FOOT, path).report.gaps.first == (0, 5)
 
 
 TICKS = 10_000_000 * np.arange(16)
@@ -362,6 +363,16 @@ def test_dates_in_csv_are_times(first, rest, words, tmp_path):
     report = explain(FOOT, path).report
     assert (report.start, report.end) == (0, pytest.approx(0.01, abs=1e-12))
     assert re.search(words, report.clock)
+
+
+def test_times_that_are_neither_numbers_nor_dates_are_refused_with_a_hint(tmp_path):
+    path = tmp_path / "dates.csv"
+    path.write_text("time,load\n12:00:00,500\n12:00:01,0\n")
+    with pytest.raises(TraceError, match="first time is '12:00:00'; give numbers of seconds, or dates"):
+        explain(FOOT, path)
+    path.write_text("time,load\n,500\n2026-01-01T00:00:01,0\n")
+    with pytest.raises(TraceError, match="sample 1: its time is not a number"):
+        explain(FOOT, path)
 
 
 @pytest.mark.parametrize("blank", ["\n", "\n\n", " \n\t\n", "\r\n", ",\n", "\ufeff\n"])

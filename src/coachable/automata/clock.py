@@ -75,7 +75,7 @@ class Clock:
             return self._since_first(array, zoned or has_zone)
         if isinstance(self.origin, np.datetime64):
             raise TraceError("the time was a date before and is a number now; give one or the other")
-        numbers = numbers_of("the time", times)
+        numbers = numbers_of("the time", times, ", or dates as datetime64 or datetime")
         if not len(numbers):
             return numbers, self
         per_second = self.per_second or _parts_of_a_second(numbers)
@@ -83,7 +83,7 @@ class Clock:
         origin = self.origin
         if origin is None:
             large = per_second > 1 and abs(numbers[0]) >= _SINCE_1970[-1][0]
-            origin = (int(array[0]) if whole else float(numbers[0])) if large else 0
+            origin = int(array[0] if whole else numbers[0]) if large else 0
         start = f" from the first, {origin}, on" if origin else ""
         note = f"{_NAMES[per_second]}, converted to s{start}" if per_second > 1 else ""
         # The difference of large whole numbers is exact before it becomes a float.
@@ -106,10 +106,10 @@ class Clock:
         return seconds, replace(self, origin=origin, zoned=zoned, note=self.note or note)
 
 
-def numbers_of(what: str, column: Column) -> Float[np.ndarray, " samples"]:
+def numbers_of(what: str, column: Column, hint: str = "") -> Float[np.ndarray, " samples"]:
     """A column of numbers, NaN where one is masked or missing.
 
-    **Raises:** `TraceError`, which names the column by `what`, for anything else.
+    **Raises:** `TraceError`, which names the column by `what` and ends in the hint, for anything else.
     """
     try:
         if np.asanyarray(column).dtype.kind in "mMc":
@@ -121,7 +121,7 @@ def numbers_of(what: str, column: Column) -> Float[np.ndarray, " samples"]:
         else:
             numbers = np.asarray(column, np.float64)
     except (TypeError, ValueError):
-        raise TraceError(f"{what} must be numbers, one a sample") from None
+        raise TraceError(f"{what} must be numbers, one a sample{hint}") from None
     if numbers.ndim != 1:
         raise TraceError(f"{what} must be numbers, one a sample, but its shape is {numbers.shape}")
     return numbers
@@ -131,12 +131,15 @@ def _dates(times: Column) -> tuple[np.ndarray, bool]:
     """The times in an array, of `datetime64` in UTC if they are dates; and whether these had a time zone."""
     array = np.asanyarray(times)
     if isinstance(array, np.ma.MaskedArray):
-        return (array.filled("NaT") if array.dtype.kind in "mM" else array), False
+        if array.dtype.kind not in "mM":
+            return array, False
+        return np.where(np.ma.getmaskarray(array), array.dtype.type("NaT"), array.data), False
     zoned = getattr(getattr(times, "dtype", None), "tz", None) is not None
     if array.dtype.kind != "O" or not len(array):
         return array, zoned
     if all(hasattr(time, "total_seconds") for time in array):
-        return np.array([np.timedelta64(time) for time in array]), False
+        # Of pandas: NaT, which is not equal to itself, has the attributes of a duration and of a date.
+        return np.array([np.timedelta64(time if time == time else "NaT") for time in array]), False
     if not all(hasattr(time, "tzinfo") and hasattr(time, "year") for time in array):
         return array, False
     zones = {time.tzinfo is not None for time in array if time == time}

@@ -72,7 +72,8 @@ def explain_parts(
     first = next((chunk for chunk in chunks if len(chunk.time)), None)
     if first is None:
         raise TraceError(f"{title}: there are no samples")
-    usual = float(np.median(np.diff(first.time))) if len(first.time) > 1 else None
+    intervals = np.diff(first.time)
+    usual = float(np.quantile(intervals, 0.5, method="lower")) if len(intervals) else None
     monitor = Monitor(behaviour, usual, Clock.of_seconds(first.clock))
     with _phase_writer(phases, behaviour) as write:
         for chunk in chain([first], chunks):

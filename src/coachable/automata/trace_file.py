@@ -264,13 +264,22 @@ def _csv_batches(
 def _type_of_times(path: Path, column: int, blank: int) -> pa.DataType:
     """What the first time of a CSV file is: a number, or a date, with a time zone or without."""
     lines = _beginning(path).splitlines(keepends=True)[blank:]
-    rows = (row for row in csv.reader(io.StringIO("".join(lines))) if row)
-    next(rows, None)
-    first = next(rows, [])
-    text = first[column].strip() if column < len(first) else ""
+    rows = csv.reader(io.StringIO("".join(lines)))
+    next(rows)
+    texts = (row[column].strip() for row in rows if column < len(row))
+    text = next(filter(None, texts), "nan")
     if _DATE.match(text):
         return pa.timestamp("ns", "UTC" if _ZONE.search(text) else None)
-    return pa.int64() if _LARGE.fullmatch(text) else pa.float64()
+    if _LARGE.fullmatch(text):
+        return pa.int64()
+    try:
+        float(text)
+    except ValueError:
+        raise TraceError(
+            f"{path}: its first time is {text!r}; give numbers of seconds, or dates such as "
+            f"2026-01-31 12:00:00.25"
+        ) from None
+    return pa.float64()
 
 
 def _times(path: Path, column: pa.Array) -> tuple[np.ndarray, bool]:
