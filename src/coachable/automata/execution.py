@@ -36,6 +36,9 @@ _MAX_TRANSITIONS_IN_A_STEP = 100
 _SAME_MOMENT = 1e-9
 """An event and an invariant that fails this share of a control step before it are simultaneous."""
 
+_AT_REST = 1e-8
+"""A guard that changes so slowly [1/s] does not, whatever rounding does."""
+
 
 class Termination(enum.Enum):
     """How an execution ended."""
@@ -279,10 +282,14 @@ class _Executor:
         return (h, found) if lowest == h else (lowest, search(at.x, control, lowest, at.on_guard, at.pending))
 
     def require_above_guards(self, at: _At, before: _Look, after: _Look) -> None:
-        """Raise an `_End` where a jump left x on a guard, and it goes through it without an event."""
+        """Raise an `_End` where a jump left x at rest on a guard, and it sinks below it without an event.
+
+        A guard that falls on right after its event is a surface to be passed, such as a switch.
+        """
         for number, event in enumerate(self.automaton.plant.events):
+            rests = abs(float(before.slopes[number])) <= _AT_REST
             sinks = after.guards[number] < min(float(before.guards[number]), 0.0)
-            if event.can_repeat and at.on_guard[number] and after.admissible[number] and sinks:
+            if event.can_repeat and at.on_guard[number] and after.admissible[number] and rests and sinks:
                 raise _End(Termination.ZENO, at.x, f"After {event.name} it stays on its guard.")
 
     def jump(self, at: _At, x: Array, found: Segment | None, control: Array) -> _At:
