@@ -39,6 +39,9 @@ _SAME_MOMENT = 1e-9
 _AT_REST = 1e-8
 """A guard that changes so slowly [1/s] does not, whatever rounding does."""
 
+_ROUNDING = 1e-12
+"""A guard that is found to be zero is so far from it at most."""
+
 
 class Termination(enum.Enum):
     """How an execution ended."""
@@ -282,14 +285,15 @@ class _Executor:
         return (h, found) if lowest == h else (lowest, search(at.x, control, lowest, at.on_guard, at.pending))
 
     def require_above_guards(self, at: _At, before: _Look, after: _Look) -> None:
-        """Raise an `_End` where a jump left x at rest on a guard, and it sinks below it without an event.
+        """Raise an `_End` where a jump left x at rest on a guard, or just above it, and it sinks below it.
 
-        A guard that falls on right after its event is a surface to be passed, such as a switch.
+        A guard that is zero and falls on right after its event is a surface to be passed, such as a switch.
         """
         for number, event in enumerate(self.automaton.plant.events):
-            rests = abs(float(before.slopes[number])) <= _AT_REST
-            sinks = after.guards[number] < min(float(before.guards[number]), 0.0)
-            if event.can_repeat and at.on_guard[number] and after.admissible[number] and rests and sinks:
+            guard, slope = float(before.guards[number]), float(before.slopes[number])
+            stays = abs(slope) <= _AT_REST or guard > _ROUNDING
+            sinks = after.guards[number] < min(guard, 0.0)
+            if event.can_repeat and at.on_guard[number] and after.admissible[number] and stays and sinks:
                 raise _End(Termination.ZENO, at.x, f"After {event.name} it stays on its guard.")
 
     def jump(self, at: _At, x: Array, found: Segment | None, control: Array) -> _At:
