@@ -115,7 +115,7 @@ def numbers_of(what: str, column: Column, hint: str = "") -> Float[np.ndarray, "
         if np.asanyarray(column).dtype.kind in "mMc":
             raise TypeError
         if isinstance(column, np.ma.MaskedArray):
-            numbers = column.astype(np.float64).filled(math.nan)
+            numbers = np.ma.filled(column.astype(np.float64), math.nan)
         elif hasattr(column, "to_numpy") and hasattr(column, "isna"):
             numbers = column.astype("Float64").to_numpy(np.float64, na_value=math.nan)
         else:

@@ -179,9 +179,10 @@ def _columns(
             )
         if times:
             ((_, written), *_) = found[times[0]]
+            wanted = "s"
             if written is not None:
-                unit = UNITS.get(written, 1)
-            columns[""] = column_of("the time", times[0], "s" if written not in UNITS else written, "")
+                unit, wanted = UNITS.get(written, 1), written if written in UNITS else "s"
+            columns[""] = column_of("the time", times[0], wanted, "")
         else:
             columns[""] = other_times[0]
     for signal in signals:
