@@ -62,8 +62,9 @@ def test_runs_through_deadbands_are_followed_as_in_columns(description, run, pre
     tracker = Tracker.of(behaviour)
     diagram, location, found = DecisionDiagram(tracker), min(previous, tracker.none_yet), []
     expected = tracker.along({"x": np.array(run)}, location).tolist()
+    held = tracker.latches.of_phase(location)
     for x in run:
-        location = diagram.locate([x], location)
+        location, held = diagram.step([x], location, held)
         found.append(location)
     assert found == expected
 

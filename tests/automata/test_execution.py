@@ -10,7 +10,18 @@ import pytest
 from coachable.automata.execution import Termination, execute
 from coachable.automata.hybrid import HybridAutomaton
 from coachable.behaviours import All, Behaviour, Comparison, Edge, Phase, Signal, load_behaviour
-from coachable.plants import START, CompassWalker, ConstantTorque, Event, NoTorque, Plant, VirtualGravity
+from coachable.foundation.errors import ParameterError
+from coachable.plants import (
+    START,
+    CompassWalker,
+    ConstantTorque,
+    Event,
+    NoTorque,
+    Plant,
+    VirtualGravity,
+    advance,
+)
+from tests.plants.switching import Switching, random_starts, solved
 
 WALKER = CompassWalker()
 GRAVITY = VirtualGravity(WALKER)
@@ -252,3 +263,118 @@ def test_every_status_has_a_sentence():
     for termination in Termination:
         assert termination.sentence[0].isalpha()
         assert termination.sentence.endswith(".")
+
+
+AIR = bouncing(Edge("air", "air", "touchdown"), phases=(Phase("air", "", Comparison("height", ">", -100)),))
+
+
+class BallOver(Ball):
+    """The same ball over a floor at another height, and with a ceiling where one is given."""
+
+    floor: float = 0.0
+    speed_that_counts: float = math.inf
+
+    @property
+    def events(self):
+        return (
+            Event(
+                name="touchdown",
+                guard=lambda x: x[0] - self.floor,
+                admissible=lambda x: (x[1] < 0) & (x[1] > -self.speed_that_counts),
+                reset=lambda x: jnp.stack([x[0], -self.restitution * x[1]]),
+            ),
+        )
+
+
+@pytest.mark.parametrize(("restitution", "floor"), [(0.5, 0.0), (0.5, 0.7), (0.0, 0.7)])
+def test_a_ball_that_comes_to_rest_ends_the_execution_and_is_never_below_the_floor(restitution, floor):
+    ball = BallOver(restitution=restitution, floor=floor)
+    execution = execute(HybridAutomaton.of(AIR, ball), (floor + 0.1, 0.0), Push(), 2.0)
+    assert execution.termination is Termination.ZENO
+    assert execution.states[:, 0].min() >= floor - 1e-12
+    flight = math.sqrt(0.2 / 9.81)
+    assert execution.final_time == pytest.approx(flight * (1 + 2 * restitution / (1 - restitution)), rel=1e-5)
+
+
+def test_a_guard_that_fell_through_zero_where_that_was_no_event_must_rise_first():
+    """Too fast at the floor it falls on, though, braked, it would be slow enough a moment later."""
+    ball = BallOver(floor=1.0, speed_that_counts=1.0)
+    execution = execute(HybridAutomaton.of(AIR, ball), (1.0001, -1.005), Push(29.81), 0.06)
+    assert execution.transitions == ()
+    # Slow enough it bounces.
+    execution = execute(HybridAutomaton.of(AIR, ball), (1.0001, -0.9), Push(29.81), 0.06)
+    assert len(execution.transitions) == 1
+
+
+@pytest.mark.parametrize(("dt", "depth"), [(0.05, 1e-3), (0.01, 1e-6), (0.05, 1e-9)])
+def test_two_crossings_within_a_substep_are_not_missed(dt, depth):
+    """Braked by 20 m/s² from above the floor the ball turns that far below it."""
+    ball, time = BallOver(restitution=0.0, floor=0.0), 0.0312
+    start = (10 * time**2 - depth, -20 * time)
+    execution = execute(HybridAutomaton.of(AIR, ball), start, Push(29.81), 0.05, control_dt=dt)
+    assert len(execution.transitions) == 1
+    assert execution.transitions[0].time == pytest.approx(time - math.sqrt(depth / 10), abs=1e-9)
+
+
+@pytest.mark.parametrize("seconds", [0.025, 0.03, 0.0])
+def test_it_runs_for_its_full_time(seconds):
+    execution = execute(HybridAutomaton.of(AIR, Ball()), (1.0, 0.0), Push(), seconds)
+    assert execution.termination is Termination.COMPLETED
+    assert execution.final_time == pytest.approx(seconds, abs=1e-15)
+    assert execution.final_state[0] == pytest.approx(1 - 9.81 / 2 * seconds**2, abs=1e-12)
+
+
+@pytest.mark.parametrize(("seconds", "dt"), [(-1.0, 0.01), (math.nan, 0.01), (math.inf, 0.01), (1.0, 0.0)])
+def test_times_that_are_none_are_refused(seconds, dt):
+    with pytest.raises(ParameterError, match="seconds"):
+        execute(HybridAutomaton.of(AIR, Ball()), (1.0, 0.0), Push(), seconds, dt)
+
+
+class Corner(Ball):
+    """A ball between a floor and a wall, without gravity: x and y, and how fast."""
+
+    name = "the ball in the corner"
+    state_names = ("x", "y", "dx", "dy")
+    start = (1.0, 1.0, -1.0, -1.0)
+
+    def flow(self, x, control):
+        return jnp.stack([x[2], x[3], control[0], control[0]])
+
+    @property
+    def events(self):
+        def bounce(axis):
+            return lambda x: x.at[axis + 2].multiply(-1.0)
+
+        return tuple(Event(name, lambda x, k=k: x[k], bounce(k)) for k, name in enumerate(("wall", "floor")))
+
+
+def test_of_two_events_at_the_same_moment_both_happen(x64):
+    start = (1.0, 1.0)
+    phases = (Phase("in", "", Comparison("x", ">", -1)),)
+    edges = (Edge("in", "in", "wall"), Edge("in", "in", "floor"))
+    behaviour = Behaviour("corner", "", (Signal("x", "m"),), phases, edges)
+    execution = execute(HybridAutomaton.of(behaviour, Corner()), (*start, -1.0, -1.0), Push(), 1.5)
+    assert [str(transition.edge.event) for transition in execution.transitions] == ["wall", "floor"]
+    np.testing.assert_allclose(execution.final_state, [1.5 - start[0], 1.5 - start[1], 1, 1], atol=1e-9)
+    state, time = jnp.array([*start, -1.0, -1.0]), jnp.zeros(())
+    for _ in range(3):
+        state = eqx.filter_jit(advance)(Corner(), state, time, jnp.zeros(1), 0.5).x
+    np.testing.assert_allclose(state, execution.final_state, atol=1e-9)
+
+
+def test_events_are_where_a_solver_with_dense_output_finds_them():
+    behaviour = dataclasses.replace(
+        AIR, signals=(Signal("x"),), phases=(Phase("air", "", Comparison("x", ">", -9)),)
+    )
+    automaton, compared = HybridAutomaton.of(behaviour, Switching()), 0
+    for start in random_starts(40):
+        expected = solved(start, 0.5)
+        if expected is not None and len(expected.touchdowns) > 1:
+            execution = execute(automaton, start, Push(), 0.5, control_dt=0.05)
+            found = [transition.time for transition in execution.transitions]
+            np.testing.assert_allclose(found, expected.touchdowns, atol=1e-6)
+            np.testing.assert_allclose(execution.final_state, expected.state, atol=1e-5)
+            compared += 1
+        if compared == 2:
+            break
+    assert compared == 2

@@ -1,6 +1,7 @@
 import csv
 import gzip
 import json
+import re
 import subprocess
 import sys
 
@@ -16,6 +17,7 @@ from coachable.automata.trace import Trace
 from coachable.automata.trace_file import read_trace, write_trace
 from coachable.behaviours import load_behaviour
 from coachable.behaviours.predicates import Signal
+from coachable.behaviours.text import parse
 from coachable.envs.baselines import baseline
 from coachable.foundation.errors import TraceError
 
@@ -258,10 +260,133 @@ def test_columns_are_read_by_the_meaning_of_their_units(tmp_path):
     (trace,) = read_trace(path, signals)
     assert trace.time.tolist() == [0.0, 0.25]
     assert [trace.values[signal.name].tolist() for signal in signals] == [[1, 2], [0.5, -0.75], [3, 4]]
-    assert trace.converted == (
-        "the time is converted from column 't [ms]': × 1/1000",
-        "torque is converted from column 'torque [N mm]': × 1/1000",
-    )
+    assert trace.converted == ("torque is converted from column 'torque [N mm]': × 1/1000",)
+    assert trace.clock == "milliseconds, converted to s"
     path.write_text("t,acc [deg/s^2],torque,load\n0,1,1,1\n")
     with pytest.raises(TraceError, match=r"acc is in deg/s\^2, but .* is in m/s\^2"):
         list(read_trace(path, signals))
+
+
+FOOT = parse(
+    """
+behaviour "foot"
+
+signals
+  load  [N]
+
+phases
+  stance  for at most 2 s:  load > 20 [N]
+  swing   for at most 1 s:  load <= 20 [N]
+
+cycle
+  stance -> swing -> stance
+"""
+)
+LOADS = [500.0] * 5 + [0.0] * 3 + [500.0] * 4 + [0.0] * 3 + [500.0]
+
+
+def test_a_gap_is_reported_and_judges_nothing(tmp_path):
+    times = [*(0.1 * np.arange(8)), *(9.0 + 0.1 * np.arange(8))]
+    explanation = explain(FOOT, write(tmp_path / "gap.csv", {"t": times, "load": LOADS}))
+    report = explanation.report
+    assert report.follows
+    assert (report.gaps.count, report.gaps.total) == (1, pytest.approx(8.3))
+    assert report.gaps.first == pytest.approx((0.7, 9.0))
+    assert report.stays["swing"].count == 1
+    assert report.stays["swing"].longest == pytest.approx(0.3)
+    assert report.stays["stance"].count == 0
+    assert report.cycles == (1,)
+    assert "8.3 s in 1 gap, t = 0.7 s to 9 s" in as_text(explanation)
+    assert "where it was observed" in as_text(explanation)
+    assert as_json(explanation)["gaps"]["count"] == 1
+
+
+def test_a_gap_right_behind_the_first_sample_is_found_in_a_file(tmp_path):
+    for count in (3, 5):
+        path = write(tmp_path / "gap.csv", {"t": [0, 5, 5.1, 5.2, 5.3][:count], "load": [500] * count})
+        assert explain(FOOT, path).report.gaps.first == (0, 5)
+
+
+TICKS = 10_000_000 * np.arange(16)
+START_NS = 1_764_460_800_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("times", "name", "words"),
+    [
+        (TICKS, "t", "nanoseconds"),
+        (TICKS + START_NS, "time", f"nanoseconds, converted to s from the first, {START_NS}"),
+        ((TICKS + START_NS) // 1000, "time", "microseconds"),
+        (TICKS // 1_000_000, "t [ms]", "milliseconds"),
+        (TICKS // 1000, "t [us]", "microseconds"),
+        ((TICKS + START_NS).astype("M8[ns]"), "timestamp", "dates.*2025-11-30T00:00:00"),
+        ((TICKS + START_NS).astype("M8[ns]"), "stamped", "dates"),
+        (TICKS.astype("m8[ns]"), "t", "durations"),
+        (pa.array(TICKS + START_NS, pa.timestamp("ns", "Europe/Berlin")), "time", "dates.* UTC"),
+        (TICKS / 1e9, "t", "^$"),
+    ],
+)
+def test_every_kind_of_time_is_converted_and_said(times, name, words, tmp_path):
+    path = tmp_path / "foot.parquet"
+    pq.write_table(pa.table({name: times, "load": LOADS}), path)
+    explanation = explain(FOOT, path)
+    report = explanation.report
+    duration = report.end - report.start
+    assert duration == pytest.approx(0.15, abs=1e-9)
+    assert report.stays["swing"].longest == pytest.approx(0.03)
+    assert re.search(words, report.clock)
+    assert report.clock in as_text(explanation)
+
+
+def test_the_index_of_a_data_frame_is_the_time(tmp_path):
+    pd = pytest.importorskip("pandas")
+    for zone in (None, "Europe/Berlin"):
+        index = pd.date_range("2026-01-01", periods=16, freq="10ms", tz=zone)
+        pd.DataFrame({"load": LOADS}, index=index).to_parquet(tmp_path / "frame.parquet")
+        report = explain(FOOT, tmp_path / "frame.parquet").report
+        assert report.end == pytest.approx(0.15)
+        assert ("UTC" in report.clock) == (zone is not None)
+
+
+@pytest.mark.parametrize(
+    ("first", "rest", "words"),
+    [
+        ("2026-01-01T12:00:00", "2026-01-01T12:00:00.01", "2026-01-01T12:00:00"),
+        ("2026-01-01 12:00:00Z", "2026-01-01 12:00:00.01Z", "UTC"),
+        ("2026-01-01T12:00:00+01:00", "2026-01-01T12:00:00.01+01:00", "2026-01-01T11:00:00.* UTC"),
+        (str(START_NS), str(START_NS + 10_000_000), "nanoseconds"),
+    ],
+)
+def test_dates_in_csv_are_times(first, rest, words, tmp_path):
+    path = tmp_path / "dates.csv"
+    path.write_text(f"time,load\n{first},500\n{rest},0\n")
+    report = explain(FOOT, path).report
+    assert (report.start, report.end) == (0, pytest.approx(0.01, abs=1e-12))
+    assert re.search(words, report.clock)
+
+
+def test_times_that_are_neither_numbers_nor_dates_are_refused_with_a_hint(tmp_path):
+    path = tmp_path / "dates.csv"
+    path.write_text("time,load\n12:00:00,500\n12:00:01,0\n")
+    with pytest.raises(TraceError, match="first time is '12:00:00'; give numbers of seconds, or dates"):
+        explain(FOOT, path)
+    path.write_text("time,load\n,500\n2026-01-01T00:00:01,0\n")
+    with pytest.raises(TraceError, match="sample 1: its time is not a number"):
+        explain(FOOT, path)
+
+
+@pytest.mark.parametrize("blank", ["\n", "\n\n", " \n\t\n", "\r\n", ",\n", "\ufeff\n"])
+def test_blank_lines_at_the_top_are_skipped(blank, tmp_path):
+    path = tmp_path / "blank.csv"
+    path.write_bytes(f"{blank}t,load\n0,500\n1,0\n".encode())
+    report = explain(FOOT, path).report
+    assert (report.samples, report.samples_in["swing"]) == (2, 1)
+
+
+def test_a_behaviour_without_signals_is_refused_in_a_sentence(tmp_path):
+    none = parse('behaviour "none"\n\nphases\n  a: true\n  b: false\n\ncycle\n  a -> b -> a\n')
+    path = write(tmp_path / "some.csv", {"t": [0, 1], "x": [1, 2]})
+    with pytest.raises(TraceError, match="the behaviour has no signals"):
+        explain(none, path)
+    with pytest.raises(TraceError, match="the behaviour has no signals"):
+        Monitor(none)

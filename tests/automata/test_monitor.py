@@ -1,9 +1,11 @@
 import math
+import re
+from datetime import datetime, timedelta, timezone
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coachable.automata.cycle_progress import completed_cycles
@@ -13,7 +15,7 @@ from coachable.behaviours import All, Any, Behaviour, Comparison, Dwell, Edge, N
 from coachable.behaviours import load_behaviour as load
 from coachable.foundation.errors import TraceError
 from coachable.rewards.forms import reward_table
-from tests.automata.tracked import DT, RUNS, behaviour_of, descriptions, follow
+from tests.automata.tracked import DT, RUNS, X, behaviour_of, descriptions, follow
 
 WALKING = load("compass-walking")
 ORDER = ("theta_1", "theta_2", "dtheta_1", "dtheta_2")
@@ -28,22 +30,21 @@ O1, O2, O3, O4 = (
 def told(behaviour, xs):
     """Every violation that the plain-Python oracle finds, as (row, kind)."""
     edges = {(edge.source, edge.target) for edge in behaviour.edges}
-    found, overdue = [], False
+    found, overdue = [], set()
     for row, step in enumerate(follow(behaviour, xs)):
         if step.first:
             found += [(row, Kind.START_OUTSIDE)] if step.phase is None else []
             continue
         if step.previous != step.phase:
-            overdue = False
             if step.phase is None:
                 found.append((row, Kind.LEFT))
             elif step.previous is not None and (step.previous, step.phase) not in edges:
                 found.append((row, Kind.NOT_AN_EDGE))
         if step.too_short:
             found.append((row, Kind.TOO_SHORT))
-        if step.too_long and not overdue:
+        if step.too_long and (step.phase, step.stay) not in overdue:
             found.append((row, Kind.TOO_LONG))
-            overdue = True
+            overdue.add((step.phase, step.stay))
     return found
 
 
@@ -198,10 +199,10 @@ def test_nan_is_outside_and_named():
 
 def test_dwell_times_are_told():
     behaviour = one_phase(Comparison("x", ">", 0), Dwell(0.05, 0.1))
-    texts = sentences(behaviour, 0.02 * np.arange(11), x=[0, 1, 1, 0, 1, 1, 1, 1, 1, 1, 1], y=[0] * 11)
+    texts = sentences(behaviour, 0.02 * np.arange(12), x=[0, 1, 1, 0, 0, 1, 1, 1, 1, 1, 1, 1], y=[0] * 12)
     assert texts[2:] == [
         "t = 0.06 s: P → outside comes too soon: P lasted 0.04 s of at least 0.05 s.",
-        "t = 0.2 s: P lasts too long: 0.12 s of at most 0.1 s.",
+        "t = 0.22 s: P lasts too long: 0.12 s of at most 0.1 s.",
     ]
 
 
@@ -253,3 +254,152 @@ def test_nothing_was_seen_of_an_empty_trace():
     report = monitor.report()
     assert (report.samples, report.start, report.share_in_cycle, report.first) == (0, None, None, None)
     assert monitor.phase is None
+
+
+def stand(times, columns=None):
+    monitor = Monitor(one_phase(Comparison("x", ">", 0)))
+    count = len(times)
+    monitor.feed_rows(times, columns or {"x": [1.0] * count, "y": [0.0] * count})
+    return monitor.report()
+
+
+STAMPS = np.datetime64("2026-01-01T12:00:00") + np.arange(3) * np.timedelta64(10, "ms")
+BERLIN = timezone(timedelta(hours=1))
+MOMENTS = [datetime(2026, 1, 1, 13, 0, 0, 10_000 * index, BERLIN) for index in range(3)]
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        (STAMPS, "2026-01-01T12:00:00"),
+        (list(STAMPS), "2026-01-01T12:00:00"),
+        (MOMENTS, "2026-01-01T12:00:00.* UTC"),
+        ([moment.replace(tzinfo=None) for moment in MOMENTS], "2026-01-01T13:00:00"),
+        (STAMPS - STAMPS[0], "durations"),
+        (10_000_000 * np.arange(3), "nanoseconds"),
+        (1_764_460_800_000 + 10 * np.arange(3), "milliseconds"),
+        (0.01 * np.arange(3), "^$"),
+    ],
+)
+def test_times_are_converted_to_seconds_and_that_is_said(times, words):
+    report = stand(times)
+    assert report.end == pytest.approx(0.02)
+    assert re.search(words, report.clock)
+    single = Monitor(one_phase(Comparison("x", ">", 0)))
+    if "nanoseconds" not in words:
+        for time in times:
+            single.feed(time, {"x": 1.0, "y": 0.0})
+        assert single.report().end == pytest.approx(0.02)
+
+
+def test_pandas_gives_times_and_what_is_missing():
+    pd = pytest.importorskip("pandas")
+    index = pd.date_range("2026-01-01", periods=3, freq="10ms", tz="Europe/Berlin")
+    columns = {"x": pd.array([1, None, 1], "Int64"), "y": pd.Series([0.0] * 3)}
+    for times in (index, index.to_series(), list(index), index.tz_localize(None)):
+        report = stand(times, columns)
+        assert report.end == pytest.approx(0.02)
+        assert report.samples_in["P"] == 2
+    for missing in ([pd.Timedelta(0), pd.NaT], [pd.Timestamp(0), pd.NaT], [pd.NaT, pd.NaT]):
+        with pytest.raises(TraceError, match="its time is not a number"):
+            stand(missing)
+
+
+def test_whole_numbers_that_are_no_seconds_are_refused_one_by_one():
+    monitor = Monitor(one_phase(Comparison("x", ">", 0)))
+    monitor.feed(0, {"x": 1.0, "y": 0.0})
+    with pytest.raises(TraceError, match="nanoseconds"):
+        monitor.feed(10_000_000, {"x": 1.0, "y": 0.0})
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [(MOMENTS[:1], STAMPS[1:]), (STAMPS[:1], [1.0, 2.0]), ([0.0], STAMPS)],
+)
+def test_two_kinds_of_time_in_one_trace_are_refused(first, second):
+    monitor = Monitor(one_phase(Comparison("x", ">", 0)))
+    monitor.feed_rows(first, {"x": [1.0], "y": [1.0]})
+    before = monitor.report()
+    with pytest.raises(TraceError, match="time"):
+        monitor.feed_rows(second, {"x": [1.0] * len(second), "y": [1.0] * len(second)})
+    assert monitor.report() == before
+
+
+def test_what_is_masked_is_missing():
+    masked = np.ma.array([1.0, -9999.0, 1.0], mask=[False, True, False])
+    assert stand([0, 1, 2], {"x": masked, "y": masked}).samples_in["P"] == 2
+    assert stand([0, 1, 2], {"x": masked.astype(int), "y": masked}).samples_in["P"] == 2
+    monitor = Monitor(one_phase(Comparison("x", ">", 0)))
+    (violation,) = monitor.feed(0.0, {"x": np.ma.masked, "y": 0.0})
+    assert violation.sentence.endswith("x is NaN.")
+    for times in (
+        masked,
+        np.ma.array(STAMPS, mask=masked.mask),
+        np.ma.array(STAMPS - STAMPS[0], mask=masked.mask),
+    ):
+        with pytest.raises(TraceError, match="sample 2: its time is not a number"):
+            stand(times, {"x": [1.0] * 3, "y": [1.0] * 3})
+        monitor = Monitor(one_phase(Comparison("x", ">", 0)))
+        monitor.feed(times[0], {"x": 1.0, "y": 0.0})
+        with pytest.raises(TraceError, match="sample 2: its time is not a number"):
+            monitor.feed(times[1], {"x": 1.0, "y": 0.0})
+    with pytest.raises(TraceError, match="signal x must be numbers"):
+        stand([0, 1, 2], {"x": STAMPS, "y": [1.0] * 3})
+
+
+@given(
+    descriptions(),
+    st.lists(st.tuples(X, st.sampled_from([1, 1, 1, 1, 2, 4, 5, 6, 40])), min_size=2, max_size=30),
+    st.data(),
+)
+@settings(max_examples=50)
+def test_how_a_trace_with_gaps_is_cut_changes_nothing(description, samples, data):
+    behaviour = behaviour_of(description)
+    xs, times = [x for x, _ in samples], DT * np.cumsum([step for _, step in samples])
+    cuts = [0, *sorted(data.draw(st.lists(st.integers(0, len(xs)), max_size=4))), len(xs)]
+    whole, pieces, single = Monitor(behaviour), Monitor(behaviour), Monitor(behaviour)
+    expected = whole.feed_rows(times, {"x": xs})[1]
+    in_pieces = [v for a, b in pairwise(cuts) for v in pieces.feed_rows(times[a:b], {"x": xs[a:b]})[1]]
+    one_by_one = [v for t, x in zip(times.tolist(), xs, strict=True) for v in single.feed(t, {"x": x})]
+    assert repr(in_pieces) == repr(one_by_one) == repr(list(expected))
+    assert repr(pieces.report()) == repr(single.report()) == repr(whole.report())
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_there_is_no_verdict_across_a_gap(side):
+    """Two seconds of at most one, a minimum of one left after a gap, neither of which anybody saw."""
+    behaviour = one_phase(Comparison("x", ">", 0), Dwell(1.0, 1.0))
+    monitor = Monitor(behaviour)
+    times = [0.0, 0.1, 0.2, 0.3, 2.3, 2.4, 2.5]
+    xs = [1.0, 1.0, 1.0, 1.0, side, side, side]
+    _, violations = monitor.feed_rows(times, {"x": xs, "y": [0.0] * 7})
+    report = monitor.report()
+    assert (report.gaps.count, report.gaps.total) == (1, pytest.approx(2.0))
+    assert [violation.kind for violation in violations] == ([Kind.START_OUTSIDE] if side < 0 else [])
+    assert report.stays["P"].count == 0
+
+
+def test_a_slower_rate_is_no_gap_for_ever():
+    times = np.concatenate([0.001 * np.arange(100), 1.0 + 0.1 * np.arange(100)])
+    report = stand(times)
+    assert 1 <= report.gaps.count <= 5
+
+
+def nodding(flicker=None, absence=1):
+    """Four seconds inside, some samples outside, again and again: at most five are allowed."""
+    behaviour = one_phase(Comparison("x", ">", 0), Dwell(at_most=5.0))
+    xs = ([1.0] * 40 + [-1.0] * absence) * 3
+    monitor = Monitor(behaviour, flicker=flicker)
+    found = monitor.feed_rows(0.1 * np.arange(len(xs)), {"x": xs, "y": [0.0] * len(xs)})[1]
+    return [violation for violation in found if violation.kind is Kind.TOO_LONG], monitor.report()
+
+
+def test_a_limit_is_not_undone_by_one_sample_outside():
+    (violation,), report = nodding()
+    assert violation.time == pytest.approx(5.1)
+    assert "P lasts too long: 5.1 s, 1 short absence included, of at most 5 s" in violation.sentence
+    assert report.stays["P"].longest == pytest.approx(4.0)
+    assert not nodding(absence=2)[0]
+    assert nodding(flicker=0.2, absence=2)[0]
+    assert not nodding(flicker=0.2, absence=3)[0]
+    assert not nodding(flicker=0.0)[0]

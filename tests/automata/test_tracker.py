@@ -1,4 +1,6 @@
 import dataclasses
+import itertools
+import math
 
 import jax
 import jax.numpy as jnp
@@ -8,8 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coachable.automata.classifier import Classifier
+from coachable.automata.monitor import Monitor
 from coachable.automata.tracker import Memory, Tracker
 from coachable.behaviours import Behaviour, Comparison, Dwell, Phase, Signal, load_behaviour
+from coachable.behaviours.text import parse
 from tests.automata.tracked import DT, RUNS, behaviour_of, descriptions, follow
 
 WALKING = load_behaviour("compass-walking")
@@ -58,9 +62,10 @@ def test_a_whole_run_at_once_is_the_run_sample_by_sample(description, run, previ
     behaviour = behaviour_of(description)
     tracker = Tracker.of(behaviour)
     previous = min(previous, tracker.none_yet)
-    one_by_one, location = [], previous
+    one_by_one, location, held = [], previous, tracker.latches.of_phase(np.array(previous))
     for x in run:
-        location = int(tracker.locate(np.array([x]), np.array(location)))
+        location = int(tracker.locate(np.array([x]), np.array(location), held))
+        held = tracker.latches.after(held, {"x": np.array(x)})
         one_by_one.append(location)
     assert tracker.along({"x": np.array(run)}, previous).tolist() == one_by_one
 
@@ -87,6 +92,76 @@ def test_a_deadband_holds_on_to_a_phase_but_does_not_let_anybody_in():
     assert Tracker.of(flickering(0.1)).along(run, 1).tolist() == [1, 0, 0, 0, 1, 1, 0, 1, 1]
 
 
+def path_of(text, x, y, library=np):
+    """The phases that a run in the plane is in, one after the other."""
+    behaviour = parse(text)
+    tracker, columns = Tracker.of(behaviour), {"x": np.array(x), "y": np.array(y)}
+    locations = tracker.along(columns, tracker.none_yet)
+    signals = library.asarray(np.stack([*columns.values()], axis=-1))
+    memory, found = tracker.initial(signals[0]), []
+    for sample in signals:
+        memory, _ = tracker.advance(memory, sample, 0.01)
+        found.append(int(memory.location))
+    monitor = Monitor(behaviour)
+    for t, (here, there) in enumerate(zip(x, y, strict=True)):
+        monitor.feed(float(t), {"x": here, "y": there})
+        assert monitor.phase == dict(enumerate(behaviour.phase_names)).get(found[t])
+    assert found == locations.tolist()
+    names = (*behaviour.phase_names, "-")
+    return "".join(names[place] for place, _ in itertools.groupby(found))
+
+
+QUADRANTS = """behaviour "quadrants"
+signals
+  x [m]
+  y [m]
+vocabulary
+  ahead means x > 0 [m] deadband 0.1 [m]
+  high means y > 0 [m] deadband 0.1 [m]
+phases
+  {}
+  {}
+  {}
+cycle
+  a -> b -> c -> a on back
+"""
+WRITTEN_OUT = (
+    "a: x <= 0 [m] deadband 0.1 [m], y <= 0 [m] deadband 0.1 [m]",
+    "b: x > 0 [m] deadband 0.1 [m], y <= 0 [m] deadband 0.1 [m]",
+    "c: 0 [m] < x deadband 0.1 [m], 0 [m] < y deadband 0.1 [m]",
+)
+IN_PHRASES = ("a: not ahead, not high", "b: ahead and not high", "c: not (not ahead or not high)")
+NESTED = ("a: not (ahead or high)", "b: ahead, not high", "c: (ahead and high) or false")
+
+
+@pytest.mark.parametrize("phases", [WRITTEN_OUT, IN_PHRASES, NESTED])
+def test_each_comparison_has_its_own_deadband_in_any_order_of_the_phases(phases):
+    t = np.linspace(0, 3, 31)
+    x, y = (-0.105 + 0.1 * t).round(4).tolist(), (-0.19 + 0.125 * t).round(4).tolist()
+    for order in itertools.permutations(phases):
+        assert path_of(QUADRANTS.format(*order), x, y) == "abc"
+        assert path_of(QUADRANTS.format(*order), x[::-1], y[::-1]) == "cba"
+    assert path_of(QUADRANTS.format(*phases), x[::3], y[::3], jnp) == "abc"
+
+
+def test_flickering_in_one_signal_is_held_while_another_moves_on():
+    x = [-1.0, *[0.05, -0.05] * 4, 0.2, 0.05, -0.05, 0.2]
+    y = [-1.0, *[-1.0] * 8, -0.05, 0.05, -0.05, 0.3]
+    assert path_of(QUADRANTS.format(*WRITTEN_OUT), x, y) == "abc"
+
+
+def test_what_was_not_known_is_not_remembered():
+    x = [1.0, 0.05, math.nan, -0.05, 0.05, 0.2]
+    assert path_of(QUADRANTS.format(*WRITTEN_OUT), x, [-1.0] * 6) == "b-ab"
+
+
+def test_memories_of_comparisons_have_the_shape_of_the_batch():
+    tracker = Tracker.of(parse(QUADRANTS.format(*WRITTEN_OUT)))
+    memory = tracker.start(np.zeros((5, 3, 2)))
+    after, _ = tracker.advance(memory, np.zeros((5, 3, 2)), 0.01)
+    assert {leaf.shape for leaf in jax.tree.leaves((memory, after))} == {(5, 3)}
+
+
 def test_only_what_is_needed_is_remembered_and_computed():
     state = jnp.zeros(4)
     plain = Tracker.of(WALKING)
@@ -94,7 +169,7 @@ def test_only_what_is_needed_is_remembered_and_computed():
     assert jax.tree.leaves((memory, move)) == [4, 4, 4]
     phases = tuple(dataclasses.replace(phase, dwell=Dwell(0.1)) for phase in WALKING.phases)
     dwelling = Tracker.of(dataclasses.replace(WALKING, phases=phases))
-    assert len(jax.tree.leaves(dwelling.start(state))) == 3
+    assert len(jax.tree.leaves(dwelling.start(state))) == 1 + 3 * 4
     unlimited = tuple(dataclasses.replace(phase, dwell=Dwell()) for phase in WALKING.phases)
     assert Tracker.of(dataclasses.replace(WALKING, phases=unlimited)) == plain
     assert hash(Tracker.of(WALKING)) == hash(plain)
@@ -171,5 +246,7 @@ def test_memory_is_a_pytree_of_one_dtype_from_step_to_step():
     for x in (jnp.zeros(1, jnp.float32), np.zeros(1, np.float32)):
         start = tracker.start(x)
         after, _ = tracker.advance(start, x, 0.01)
-        assert [leaf.dtype for leaf in start] == [leaf.dtype for leaf in after]
+        assert [leaf.dtype for leaf in jax.tree.leaves(start)] == [
+            leaf.dtype for leaf in jax.tree.leaves(after)
+        ]
         assert isinstance(after, Memory)

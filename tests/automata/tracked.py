@@ -49,43 +49,63 @@ class Step(NamedTuple):
     first: bool
     too_short: bool
     too_long: bool
+    stay: int
+    """The number of the sample at which the stay began."""
 
 
-def follow(behaviour, xs):
-    """What every sample brings, by the words of the decision on deadband and dwell."""
+def follow(behaviour, xs, flicker=1):
+    """What every sample brings, by the words of the decision on deadband, dwell and flicker [samples]."""
     phases = {phase.name: phase for phase in behaviour.phases}
-    steps, previous, samples_in, entered = [], None, 0, False
+    steps, previous, began, left, held = [], None, {}, {}, {}
+    parts = {part for phase in behaviour.phases for part in parts_of(phase)}
     for index, x in enumerate(xs):
-        phase = behaviour.phase_at({"x": x})
-        if previous is not None and _stays(phases[previous], x):
+        lasting = {part for part in held if held[part] and _holds(part, x, _deadband(part))}
+        held = {
+            part: part in lasting
+            or (_holds(part, x, 0.0) and not any(_opposed(part, other) for other in lasting))
+            for part in parts
+        }
+        inside = [
+            name for name, one in phases.items() if not math.isnan(x) and all(held[p] for p in parts_of(one))
+        ]
+        phase = inside[0] if inside else None
+        if previous in inside and any(map(_deadband, parts_of(phases[previous]))):
             phase = previous
         too_short = too_long = False
-        if index:
-            samples_in += 1
-            dwell = (phases[previous].dwell if previous is not None else None) or Dwell()
-            too_short = phase != previous and entered and samples_in * DT < dwell.at_least
-            too_long = phase == previous and samples_in * DT > dwell.at_most
-            if phase != previous:
-                samples_in, entered = 0, True
-        steps.append(Step(previous, phase, index == 0, too_short, too_long))
+        if index and previous != phase and previous is not None:
+            left[previous] = index
+            least = (phases[previous].dwell or Dwell()).at_least
+            too_short = began[previous] > 0 and (index - began[previous]) * DT < least
+        new = phase not in left or index - left[phase] > flicker
+        if phase is not None and (not index or previous != phase) and new:
+            began[phase] = index
+        if phase is not None and began[phase] < index:
+            too_long = (index - began[phase]) * DT > (phases[phase].dwell or Dwell()).at_most
+        stay = index if phase is None else began[phase]
+        steps.append(Step(previous, phase, index == 0, too_short, too_long, stay))
         previous = phase
     return steps
 
 
-def _stays(phase, x):
-    """Whether every comparison of a phase that has a deadband holds, or fails by no more than that."""
-    parts = phase.predicate.parts if isinstance(phase.predicate, All) else (phase.predicate,)
-    if math.isnan(x) or not any(part.deadband and part.deadband.value for part in parts):
-        return False
-    for part in parts:
-        wide = part.deadband.value if part.deadband else 0.0
-        bound = part.right.value
-        met = {
-            "<": x < bound + wide,
-            "<=": x <= bound + wide,
-            ">": x > bound - wide,
-            ">=": x >= bound - wide,
-        }
-        if not met[part.relation]:
-            return False
-    return True
+def parts_of(phase):
+    return phase.predicate.parts if isinstance(phase.predicate, All) else (phase.predicate,)
+
+
+def _deadband(part):
+    return part.deadband.value if part.deadband else 0.0
+
+
+def _holds(part, x, wide):
+    bound = part.right.value
+    return {
+        "<": x < bound + wide,
+        "<=": x <= bound + wide,
+        ">": x > bound - wide,
+        ">=": x >= bound - wide,
+    }[part.relation]
+
+
+def _opposed(one, other):
+    """Whether two comparisons with the same deadband are the two sides of one bound."""
+    same = one.right.value == other.right.value and _deadband(one) == _deadband(other) > 0
+    return same and one.relation[0] != other.relation[0]

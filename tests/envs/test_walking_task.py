@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coachable.automata.tracker import Memory
+from coachable.automata.tracker import Memory, Stay
 from coachable.behaviours import Behaviour, Comparison, Dwell, Phase, Signal, load_behaviour
 from coachable.envs.walking_task import NO_BOX, make_task
 from coachable.foundation.errors import ParameterError
@@ -340,9 +340,10 @@ def test_the_next_episode_of_the_released_code_forgets_how_long_it_was_where_it_
     task = make_task(SETUP, RELEASED, behaviour=dataclasses.replace(walking, phases=phases))
     start = task.init()
     assert start.memory.phase.location == task.behaviour_reward.tracker.none_yet
-    remembered = Memory(jnp.asarray(1, jnp.int32), jnp.asarray(0.07), jnp.asarray(True))
+    stay = Stay(jnp.asarray(0.07), jnp.asarray(True), jnp.asarray(0.0))
+    remembered = Memory(jnp.asarray(1, jnp.int32), (stay,) * len(phases))
     again = task.reset(dataclasses.replace(start, memory=RewardMemory(remembered))).memory.phase
-    assert (again.location, again.time, again.entered) == (1, 0, False)
+    assert (again.location, again.stays[1].time, again.stays[1].entered) == (1, 0, False)
 
 
 def test_mistakes_are_refused_where_they_are_made():

@@ -30,6 +30,18 @@ def run(capsys, *arguments):
     return out, err, status
 
 
+@pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
+def test_letters_that_a_terminal_cannot_show_are_replaced(encoding, tmp_path):
+    trace = tmp_path / "walk.csv"
+    trace.write_text("t,theta_1,theta_2,dtheta_1,dtheta_2\n0,0.1,-0.1,-1,1\n0.1,-0.1,0.1,-1,1\n")
+    command = [sys.executable, "-m", "coachable.cli", "explain", "compass-walking", trace]
+    done = subprocess.run(
+        command, capture_output=True, env={**os.environ, "PYTHONIOENCODING": encoding}, check=False
+    )
+    assert (done.returncode, done.stderr) == (1, b"")
+    assert b"O1 ? O3 is not an edge" in done.stdout
+
+
 @pytest.fixture
 def copied_run(small_run, tmp_path):
     return shutil.copytree(small_run.path, tmp_path / "run")

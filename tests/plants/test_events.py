@@ -7,6 +7,7 @@ import pytest
 
 from coachable import plants
 from coachable.plants import ChatterRule, Dynamics, Event, Outcome
+from tests.plants.switching import Switching, random_starts, solved
 
 advance = eqx.filter_jit(plants.advance)
 pytestmark = pytest.mark.usefixtures("x64")
@@ -90,3 +91,22 @@ def test_the_earlier_of_two_events_in_one_substep_happens():
     moved = drift([0.0, 1.0], 1.0, Crossing())
     np.testing.assert_allclose(moved.x, [-20 + 0.4, 1.0], atol=1e-12)
     np.testing.assert_allclose(moved.touchdown_time, 0.6, atol=1e-12)
+
+
+def test_random_systems_move_as_a_solver_with_dense_output_says():
+    compared, touchdowns, still = 0, 0, (jnp.zeros(()), jnp.zeros(1))
+    for start in random_starts(40):
+        expected = solved(start, 1.0)
+        if expected is not None:
+            x, found = jnp.asarray(start), []
+            for step in range(20):
+                moved = advance(Switching(), x, *still, 0.05, num_substeps=20, chatter=ChatterRule(None))
+                x = moved.x
+                found += [0.05 * step + float(moved.touchdown_time)] * (int(moved.touchdowns) > 0)
+            np.testing.assert_allclose(x, expected.state, atol=1e-5)
+            # The last touchdown of a step is known, and not those before it.
+            last = {int(time / 0.05): time for time in expected.touchdowns}
+            np.testing.assert_allclose(found, [*last.values()], atol=1e-6)
+            compared, touchdowns = compared + 1, touchdowns + len(found)
+    assert compared >= 30
+    assert touchdowns >= 30

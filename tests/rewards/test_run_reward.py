@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from coachable.behaviours import Comparison, Dwell, Edge, Phase
 from coachable.rewards.described_reward import DescribedReward
-from coachable.rewards.forms import VARIANTS, Potential
+from coachable.rewards.forms import VARIANTS, Potential, Stay
 from coachable.rewards.run_reward import RunReward
 from tests.automata.tracked import RUNS, behaviour_of, descriptions
 
@@ -34,7 +34,7 @@ def closed(behaviour):
 @given(
     descriptions(),
     st.lists(st.tuples(RUNS, st.booleans()), min_size=1, max_size=3),
-    st.sampled_from(VARIANTS),
+    st.sampled_from([*VARIANTS, Stay(0.0), Stay(0.6)]),
     DTS,
     st.sampled_from([0.0, 2.5]),
     SHAPINGS,
@@ -84,3 +84,37 @@ def test_what_a_step_pays_is_computed_once(terminated, monkeypatch):
         for _ in range(20):
             run.step([0.3], terminated)
     assert len(computed) == 1
+
+
+NODS = ([Phase("P", "", Comparison("x", ">", 0.0), Dwell(at_most=5.0))], [])
+STEPS = (
+    [*NODS[0], Phase("Q", "", Comparison("x", "<=", 0.0))],
+    [("P", "Q"), ("Q", "P")],
+)
+
+
+@pytest.mark.parametrize("description", [NODS, STEPS], ids=["outside", "in a neighbour phase"])
+@pytest.mark.parametrize(
+    ("form", "absence", "is_paid"),
+    [
+        ("stay", 1, False),
+        ("stay", 2, True),
+        (Stay(flicker=0.2), 2, False),
+        (Stay(flicker=0.2), 3, True),
+        (Stay(flicker=0.0), 1, True),
+        ("equation", 1, None),
+    ],
+)
+def test_a_nod_undoes_no_limit_under_stay(description, form, absence, is_paid):
+    """Standing for 4.9 s and nodding, again and again, where at most 5 s are allowed."""
+    run = RunReward(DescribedReward(behaviour_of(description), form, 0.1))
+    xs = [1.0] * 49 + [-1.0] * absence
+    run.begin(xs[:1])
+    steps = [(x, run.step([x], False)) for x in [*xs[1:], *xs * 3]]
+    later = [step for x, step in steps[51:] if x > 0]
+    late = [step.verdict["too_long"] for step in later]
+    if is_paid is None:
+        assert not any(late)
+    else:
+        assert (any(late), all(late)) == (not is_paid, not is_paid)
+        assert [step.paid for step in later] == [1.0 if is_paid else -1.0] * len(later)

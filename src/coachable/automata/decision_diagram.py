@@ -9,10 +9,20 @@ from typing import Any
 
 import numpy as np
 
+from coachable.automata.latches import Held, latch
 from coachable.automata.tracker import Tracker
 from coachable.behaviours.expressions import Constant, Floats, Number, Variable
-from coachable.behaviours.predicates import OPERATORS, All, Comparison, Not, Predicate, decision, flattened
-from coachable.behaviours.rewriting import expanded
+from coachable.behaviours.predicates import (
+    OPERATORS,
+    All,
+    Comparison,
+    Decision,
+    Not,
+    Predicate,
+    decision,
+    flattened,
+)
+from coachable.behaviours.rewriting import expanded, widened
 
 Holds = Callable[[Any, float], bool]
 """From a signal's value and a bound, or from all values in order, to whether a predicate holds."""
@@ -27,28 +37,47 @@ class DecisionDiagram:
     Each node tests a predicate, and the result selects the next node, until one location is left. No
     predicate is tested twice, however many phases it is a part of. Nodes are built when they are first
     reached, so there are no more of them than a trajectory needs. The locations are those of
-    `Tracker.locate` to the last bit.
+    `Tracker.locate` to the last bit. A comparison with a deadband comes as one more value, whether it holds.
     """
 
     def __init__(self, tracker: Tracker):
-        self._places = {signal: place for place, signal in enumerate(tracker.classifier.signals)}
+        signals, latches = tracker.classifier.signals, tracker.latches
+        numbers = (latch(number) for number in range(len(latches.comparisons)))
+        self._places = {name: place for place, name in enumerate((*signals, *numbers))}
         self._outside = tracker.classifier.outside
         self._nodes: dict[Candidates, _Node] = {}
+        self._latches = latches
+        self._begin = [self._decision(one) for one in latches.comparisons]
+        self._last = [self._decision(widened(one)) for one in latches.comparisons]
         phases = tuple(
             (tuple(flattened(All, expanded(predicate))), index)
-            for index, predicate in enumerate(tracker.classifier.predicates)
+            for index, predicate in enumerate(latches.predicates)
         )
         self._roots = [
-            self._node(phases if stays is None else ((tuple(flattened(All, stays)), index), *phases))
+            self._node((phases[index], *phases) if keeps else phases)
             # There is no staying outside, or before the first sample.
-            for index, stays in enumerate((*tracker.staying, None, None))
+            for index, keeps in enumerate((*latches.keeps, False, False))
         ]
 
-    def locate(self, values: Sequence[float], previous: int) -> int:
+    def locate(self, values: Sequence[float], previous: int, held: Held | None = None) -> int:
         """The location at a sample, after the location `previous`, or *none yet*, at the one before.
 
-        **Arguments:** `values`: the behaviour's signals in its order.
+        **Arguments:** `values`: the behaviour's signals in its order; `held`: which comparisons with a
+        deadband held there, by default those of `previous`.
         """
+        if not self._begin:
+            return self._located(values, previous)
+        return self.step(values, previous, self._latches.of_phase(previous) if held is None else held)[0]
+
+    def step(self, values: Sequence[float], previous: int, held: Held) -> tuple[int, Held]:
+        """The same, and which comparisons with a deadband hold at the sample."""
+        if not self._begin:
+            return self._located(values, previous), held
+        begin, last = ([decide(values) for decide in decisions] for decisions in (self._begin, self._last))
+        held = self._latches.following(held, begin, last)
+        return self._located((*values, *held), previous), held
+
+    def _located(self, values: Sequence[float], previous: int) -> int:
         # A sum with a NaN in it is NaN. Infinities can make it that, too.
         total = sum(values)
         if total != total and any(map(math.isnan, values)):
@@ -78,6 +107,9 @@ class DecisionDiagram:
             self._nodes[candidates] = _Node(candidates, location, *tested)
         return self._nodes[candidates]
 
+    def _decision(self, predicate: Predicate) -> Decision:
+        return decision(predicate, _AsInColumns, self._places)
+
     def _test(self, predicate: Predicate) -> tuple[Holds, int | None, float]:
         """The test of a predicate; see `_Node`."""
         match predicate:
@@ -85,7 +117,7 @@ class DecisionDiagram:
                 Variable(signal), relation, Constant(number=Number(bound))
             ):
                 return OPERATORS[relation], self._places[signal], bound
-        decide = decision(predicate, _AsInColumns, self._places)
+        decide = self._decision(predicate)
         return lambda values, _: decide(values), None, 0.0
 
 

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 from pyarrow import csv as pa_csv
 
+from coachable.automata.clock import Clock
 from coachable.automata.monitor import Monitor
-from coachable.automata.monitor_report import MonitorReport
+from coachable.automata.monitor_report import Gaps, MonitorReport
 from coachable.automata.trace import Trace, seconds
 from coachable.automata.trace_file import read_trace
 from coachable.automata.violation import Violation
@@ -51,10 +53,7 @@ def explain(
     if phases is not None and phases.exists() and trace.exists() and phases.samefile(trace):
         raise TraceError(f"{phases}: this is the trace; give another file for the phases")
     parts = read_trace(trace, behaviour.signals, dt)
-    explanation = explain_parts(behaviour, parts, str(trace), limit, phases, progress)
-    if not explanation.report.samples:
-        raise TraceError(f"{trace}: it has a header but no rows")
-    return explanation
+    return explain_parts(behaviour, parts, str(trace), limit, phases, progress)
 
 
 def explain_parts(
@@ -67,17 +66,22 @@ def explain_parts(
 ) -> Explanation:
     """Monitor a trace that comes in consecutive parts; the arguments are those of `explain`.
 
-    **Raises:** `TraceError` if the trace lacks one of the behaviour's signals.
+    **Raises:** `TraceError` if the trace lacks one of the behaviour's signals, or has no sample.
     """
-    monitor, shown, converted = Monitor(behaviour), [], ()
+    chunks, shown = iter(parts), []
+    first = next((chunk for chunk in chunks if len(chunk.time)), None)
+    if first is None:
+        raise TraceError(f"{title}: there are no samples")
+    intervals = np.diff(first.time)
+    usual = float(np.quantile(intervals, 0.5, method="lower")) if len(intervals) else None
+    monitor = Monitor(behaviour, usual, Clock.of_seconds(first.clock))
     with _phase_writer(phases, behaviour) as write:
-        for chunk in parts:
-            converted = chunk.converted
+        for chunk in chain([first], chunks):
             locations, violations = monitor.feed_rows(chunk.time, chunk.values)
             shown += violations if limit is None else violations[: max(limit - len(shown), 0)]
             write(chunk.time, locations)
             progress(monitor.report())
-    return Explanation(title, monitor.report(), tuple(shown), converted)
+    return Explanation(title, monitor.report(), tuple(shown), first.converted)
 
 
 def as_text(explanation: Explanation) -> str:
@@ -89,7 +93,9 @@ def as_text(explanation: Explanation) -> str:
         f"{report.samples:,} sample{'s' * (report.samples != 1)}, "
         f"t = {seconds(report.start or 0.0)} s to {seconds(report.end or 0.0)} s",
         *(f"  {clause}" for clause in explanation.converted),
+        *([f"times were {report.clock}"] if report.clock else []),
         "",
+        *_gap_line(report.gaps),
         f"  in a phase   {_percent(report.share_in_cycle)} of the samples",
         *(
             f"  {'cycles' if index == 0 else '':<13}{count} × {_walk(cycle)}"
@@ -100,7 +106,8 @@ def as_text(explanation: Explanation) -> str:
         "",
     ]
     if report.follows:
-        return "\n".join([*lines, "It follows the behaviour."])
+        where = ", where it was observed" if report.gaps.count else ""
+        return "\n".join([*lines, f"It follows the behaviour{where}."])
     kinds = ", ".join(f"{kind.value}: {count:,}" for kind, count in report.violations.items())
     lines += [f"It does not follow the behaviour ({kinds}):", ""]
     lines += [f"  {violation.sentence}" for violation in explanation.shown]
@@ -120,6 +127,12 @@ def as_json(explanation: Explanation) -> dict[str, object]:
         "samples": report.samples,
         "start": report.start,
         "end": report.end,
+        "clock": report.clock,
+        "gaps": {
+            "count": report.gaps.count,
+            "total": report.gaps.total,
+            "first": None if report.gaps.first is None else list(report.gaps.first),
+        },
         "share_in_cycle": report.share_in_cycle,
         "cycles": [
             {"cycle": _walk(cycle), "completed": count}
@@ -140,6 +153,17 @@ def as_json(explanation: Explanation) -> dict[str, object]:
         "first_violation": None if report.first is None else _violation(report.first),
         "shown": [_violation(violation) for violation in explanation.shown],
     }
+
+
+def _gap_line(gaps: Gaps) -> list[str]:
+    if gaps.first is None:
+        return []
+    count = f"1 gap, t = {seconds(gaps.first[0])} s to {seconds(gaps.first[1])} s"
+    if gaps.count > 1:
+        count = f"{gaps.count:,} gaps, the first at t = {seconds(gaps.first[0])} s"
+    return [
+        f"  not observed {seconds(gaps.total)} s in {count}: they count in no time, and nothing is judged"
+    ]
 
 
 def _violation(violation: Violation) -> dict[str, object]:

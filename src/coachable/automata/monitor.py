@@ -3,22 +3,49 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from coachable.automata.clock import Clock, Column, numbers_of
 from coachable.automata.cycle_progress import Pairs, Progress, along_cycle, choose, pairs
 from coachable.automata.decision_diagram import DecisionDiagram
-from coachable.automata.monitor_report import MonitorReport, Stays
-from coachable.automata.trace import not_increasing, require_equal_lengths, require_increasing
+from coachable.automata.monitor_report import Gaps, MonitorReport, Stays
+from coachable.automata.trace import (
+    not_increasing,
+    require_equal_lengths,
+    require_increasing,
+    require_signals,
+    seconds,
+)
 from coachable.automata.tracker import CLOCK_TOLERANCE, Tracker
 from coachable.automata.violation import Kind, Violation
 from coachable.behaviours.behaviour import Behaviour, Dwell
 from coachable.foundation.errors import TraceError
 from coachable.foundation.suggestion import suggestion
 
-Column = Sequence[int | float] | np.ndarray
+_WINDOW = 5
+"""The usual interval is the median of so many."""
+
+_GAP = 5.0
+"""An interval longer than so many usual ones is a gap."""
+
+_NO_SECONDS = 1e5
+"""Whole numbers that grow so fast from sample to sample are no seconds."""
+
+
+class _Left(NamedTuple):
+    """A stay that has ended, and may yet go on."""
+
+    time: float
+    """When the first sample after it was [s]."""
+    since: float
+    entered: bool
+    overdue: bool
+    absences: int
 
 
 class Monitor:
@@ -29,23 +56,52 @@ class Monitor:
     phases (until the trace is back in one), a transition without an edge, leaving a phase too soon, and
     staying in one too long (until it is left).
 
+    A stay goes on through an absence of at most `flicker`, as in the reward: the limit of the phase counts
+    from the first sample of all. In the report each part of it is a stay of its own.
+
+    A *gap* is an interval between samples longer than five usual ones, of which the last five have the
+    median. Nothing is known of it: it counts in no time, and there is no verdict across it. What follows is
+    judged like the beginning of a trace, and the report has the gaps.
+
         monitor = Monitor(load_behaviour("compass-walking"))
         for t, x in log:
             for violation in monitor.feed(t, {"theta_1": x[0], …}):
                 print(violation.sentence)
         monitor.report().share_in_cycle
+
+    **Arguments:** `flicker`, the longest absence through which a stay goes on [s], by default one sample;
+    `dt`, the usual interval at the beginning [s]; by default it is that of the first samples,
+    and a gap right behind the first one is not noticed; `clock`, how times become seconds, by default as
+    the first samples show.
+
+    **Raises:** `TraceError` for a behaviour without signals, which no trace could follow or break.
     """
 
-    def __init__(self, behaviour: Behaviour):
+    def __init__(
+        self,
+        behaviour: Behaviour,
+        dt: float | None = None,
+        clock: Clock | None = None,
+        flicker: float | None = None,
+    ):
+        require_signals(behaviour.signals)
         self.behaviour = behaviour
-        self._tracker = Tracker.of(behaviour)
+        self._tracker = Tracker.of(behaviour, flicker)
         self._diagram = DecisionDiagram(self._tracker)
         self._edges = frozenset(pairs(behaviour, behaviour.edges))
         self._cycles = [_Cycle(pairs(behaviour, cycle)) for cycle in behaviour.cycles]
         self._location = self._tracker.none_yet
+        self._none_held = self._held = self._tracker.latches.none(self._location)
         self._entered = False
         self._overdue = False
+        self._was_outside = False
+        self._left: dict[int, _Left] = {}
+        self._arrived, self._absences = math.nan, 0
         self._since = self._start = self._last = math.nan
+        self._clock = clock or Clock()
+        self._intervals = [math.nan if dt is None else dt] * _WINDOW
+        """The last ones; NaN for those that are not known."""
+        self._gaps = Gaps()
         self._samples_at = np.zeros(len(behaviour.phases) + 1, np.int64)
         self._stays = [Stays() for _ in behaviour.phases]
         self._violations: dict[Kind, int] = {}
@@ -56,22 +112,30 @@ class Monitor:
         """The phase at the last sample; `None` outside and before the first sample."""
         return self._name(self._location)
 
-    def feed(self, t: float, values: Mapping[str, float]) -> tuple[Violation, ...]:
+    def feed(self, t: Any, values: Mapping[str, Any]) -> tuple[Violation, ...]:
         """Process one sample and return its violations.
 
-        **Arguments:** `t`, its time [s]; `values`, the signals by name, NaN where one is missing; others than
-        the behaviour's are ignored.
+        **Arguments:** `t`, its time [s], or a date; `values`, the signals by name, NaN where one is missing;
+        others than the behaviour's are ignored.
 
         **Raises:** `TraceError` as `feed_rows` does.
         """
-        here = self._sample(t, values)
-        tolerance = 0.0 if math.isnan(self._last) else CLOCK_TOLERANCE * (t - self._last)
-        target = self._diagram.locate([*here.values()], self._location)
+        t, here, clock = self._sample(t, values)
+        self._clock = clock
+        tolerance = 0.0
+        if not math.isnan(self._last):
+            interval = t - self._last
+            tolerance = CLOCK_TOLERANCE * interval
+            if _is_gap(interval, np.array(self._intervals)):
+                self._begin_anew(t)
+                tolerance = 0.0
+            self._intervals = [*self._intervals[1:], interval]
+        target, self._held = self._diagram.step([*here.values()], self._location, self._held)
         found = []
         if target != self._location:
-            found = self._move(target, t, tolerance, here)
-        elif (dwell := self._due()) is not None and t - tolerance > self._since + dwell.at_most:
-            found = [self._overstay(t, here)]
+            found = self._move(target, self._last, t, tolerance, here)
+        if (dwell := self._due()) is not None and t - tolerance > self._since + dwell.at_most:
+            found = [*found, self._overstay(t, here)]
         self._samples_at[target] += 1
         return self._seen(t, t, found)
 
@@ -80,8 +144,8 @@ class Monitor:
     ) -> tuple[Int[np.ndarray, " samples"], tuple[Violation, ...]]:
         """Process the next consecutive samples.
 
-        **Arguments:** `times` [s]; `values`, a column for each signal. A sample with a NaN in one of the
-        behaviour's signals is in no phase.
+        **Arguments:** `times` [s], or dates, or what else `Clock` converts; `values`, a column for each
+        signal. A sample with a NaN in one of the behaviour's signals, or a masked one, is in no phase.
 
         **Returns:** the location at each sample, a phase 0 … K−1 or K outside, and the violations in their
         order.
@@ -89,12 +153,41 @@ class Monitor:
         **Raises:** `TraceError`, leaving the monitor unchanged, if a signal has no column, if a
         column is not numbers or not as long as `times`, or if times are not finite and increasing.
         """
-        times, columns = self._columns(times, values)
+        times, columns, clock = self._columns(times, values)
         if not len(times):
             return np.zeros(0, np.int32), ()
-        before = np.concatenate([times[:1] if math.isnan(self._last) else [self._last], times[:-1]])
-        tolerances = CLOCK_TOLERANCE * (times - before)
-        locations = self._tracker.along(columns, self._location)
+        self._clock = clock
+        intervals = np.diff(times, prepend=self._last)
+        first = int(math.isnan(self._last))
+        known = np.concatenate([self._intervals, intervals[first:]])
+        before = np.lib.stride_tricks.sliding_window_view(known, _WINDOW)
+        gaps = np.zeros(len(times), bool)
+        gaps[first:] = _is_gap(intervals[first:], before[: len(times) - first])
+        self._intervals = known[-_WINDOW:].tolist()
+        tolerances = np.where(gaps | np.isnan(intervals), 0.0, CLOCK_TOLERANCE * intervals)
+        locations, found = [], []
+        edges = [0, *np.flatnonzero(gaps).tolist(), len(times)]
+        for start, end in pairwise(edges):
+            if start < end:
+                if gaps[start]:
+                    self._begin_anew(float(times[start]))
+                part = {name: column[start:end] for name, column in columns.items()}
+                there, violations = self._feed_part(times[start:end], part, tolerances[start:end])
+                self._last = float(times[end - 1])
+                locations.append(there)
+                found += violations
+        whole = np.concatenate(locations)
+        self._samples_at += np.bincount(whole, minlength=len(self._samples_at))
+        return whole, self._seen(float(times[0]), float(times[-1]), found)
+
+    def _feed_part(
+        self,
+        times: Float[np.ndarray, " samples"],
+        columns: Mapping[str, Float[np.ndarray, " samples"]],
+        tolerances: Float[np.ndarray, " samples"],
+    ) -> tuple[Int[np.ndarray, " samples"], list[Violation]]:
+        """The locations and violations of samples without a gap between them."""
+        locations, self._held = self._tracker.along_with(columns, self._location, self._held)
         came_from = np.concatenate([[self._location], locations[:-1]])
         found: list[Violation] = []
 
@@ -110,11 +203,20 @@ class Monitor:
                 if late < change:
                     found.append(self._overstay(float(times[late]), here(late)))
             if change < len(times):
+                before = float(times[change - 1]) if change else self._last
                 time, tolerance = float(times[change]), float(tolerances[change])
-                found += self._move(int(locations[change]), time, tolerance, here(change))
+                found += self._move(int(locations[change]), before, time, tolerance, here(change))
             row = change
-        self._samples_at += np.bincount(locations, minlength=len(self._samples_at))
-        return locations, self._seen(float(times[0]), float(times[-1]), found)
+        return locations, found
+
+    def _begin_anew(self, time: float) -> None:
+        """Forget, at the first sample after a gap, what was before it."""
+        self._gaps = self._gaps.and_one(self._last, time)
+        self._was_outside = self._location == self._tracker.classifier.outside
+        self._location, self._entered, self._overdue = self._tracker.none_yet, False, False
+        self._held, self._left, self._absences = self._none_held, {}, 0
+        for cycle in self._cycles:
+            cycle.begin_anew()
 
     def report(self) -> MonitorReport:
         """The report on all samples so far."""
@@ -129,6 +231,8 @@ class Monitor:
             cycles=tuple(cycle.completed for cycle in self._cycles),
             violations=dict(self._violations),
             first=self._first,
+            gaps=self._gaps,
+            clock=self._clock.note,
         )
 
     def _name(self, location: int) -> str | None:
@@ -144,12 +248,14 @@ class Monitor:
         self._overdue = True
         return self._violation(Kind.TOO_LONG, self._location, time, here)
 
-    def _move(self, target: int, time: float, tolerance: float, here: dict[str, float]) -> list[Violation]:
-        """Move to another location; the violations of that."""
+    def _move(
+        self, target: int, before: float, time: float, tolerance: float, here: dict[str, float]
+    ) -> list[Violation]:
+        """Move to another location, from the sample at `before` to that at `time`; the violations of that."""
         source, outside, dwell = self._location, self._tracker.classifier.outside, self._dwell()
         kinds = []
         if source == self._tracker.none_yet:
-            kinds += [Kind.START_OUTSIDE] if target == outside else []
+            kinds += [Kind.START_OUTSIDE] if target == outside and not self._was_outside else []
         elif target == outside:
             kinds.append(Kind.LEFT)
         elif source != outside and (source, target) not in self._edges:
@@ -159,16 +265,28 @@ class Monitor:
         found = [self._violation(kind, target, time, here) for kind in kinds]
         for cycle in self._cycles:
             cycle.advance(source, target)
-        if self._entered and source != outside:
-            self._stays[source] = self._stays[source].and_one_of(time - self._since)
-        self._entered = source != self._tracker.none_yet
-        self._location, self._since, self._overdue = target, time, False
+        saw_it_begin = self._entered or self._absences > 0
+        if saw_it_begin and source < outside:
+            self._stays[source] = self._stays[source].and_one_of(time - self._arrived)
+        if dwell is not None:
+            self._left[source] = _Left(time, self._since, self._entered, self._overdue, self._absences)
+        self._location, self._arrived = target, time
+        left = self._left.get(target)
+        flicker = self._tracker.flicker
+        longest = time - before if flicker is None else flicker + tolerance
+        if left is not None and time - left.time <= longest:
+            self._since, self._entered, self._overdue = left.since, left.entered, left.overdue
+            self._absences = left.absences + 1
+        else:
+            self._since, self._entered, self._overdue = time, source != self._tracker.none_yet, False
+            self._absences = 0
         return found
 
     def _violation(self, kind: Kind, target: int, time: float, here: dict[str, float]) -> Violation:
         duration = 0.0 if kind is Kind.START_OUTSIDE else time - self._since
         source = self._name(self._location)
-        return Violation(kind, time, source, self._name(target), duration, here, self.behaviour)
+        absences = 0 if kind is Kind.START_OUTSIDE else self._absences
+        return Violation(kind, time, source, self._name(target), duration, here, self.behaviour, absences)
 
     def _seen(self, first: float, last: float, found: list[Violation]) -> tuple[Violation, ...]:
         """Record processed samples and their violations."""
@@ -183,29 +301,41 @@ class Monitor:
     def _dwell(self) -> Dwell | None:
         return self._tracker.dwells[self._location] if self._location < len(self._stays) else None
 
-    def _sample(self, t: float, values: Mapping[str, float]) -> dict[str, float]:
+    def _sample(self, t: Any, values: Mapping[str, Any]) -> tuple[float, dict[str, float], Clock]:
         self._require_signals(values)
+        clock = self._clock
+        given = t
+        if t is np.ma.masked:
+            t = math.nan
+        elif not (isinstance(given, float) and clock.per_second == 1 and clock.origin == 0):
+            times, clock = clock.seconds([given])
+            t = float(times[0])
         if not math.isfinite(t):
             raise TraceError(f"sample {self._num_samples + 1}: its time is not a number")
         if t <= self._last:
             raise not_increasing(self._num_samples + 1, self._last, t)
+        if isinstance(given, int | np.integer) and clock.per_second == 1 and t - self._last >= _NO_SECONDS:
+            raise TraceError(
+                f"sample {self._num_samples + 1}: the time goes from {seconds(self._last)} s to "
+                f"{seconds(t)} s; if these are nanoseconds, give them divided by 1e9, or as datetime64"
+            )
         here = {name: values[name] for name in self.behaviour.signal_names}
         for name, value in here.items():
             try:
-                here[name] = float(value)
+                here[name] = math.nan if value is np.ma.masked or value is None else float(value)
             except (TypeError, ValueError):
                 raise TraceError(f"signal {name} must be a number, but it is {value!r}") from None
-        return here
+        return t, here, clock
 
     def _columns(
         self, times: Column, values: Mapping[str, Column]
-    ) -> tuple[Float[np.ndarray, " samples"], dict[str, Float[np.ndarray, " samples"]]]:
+    ) -> tuple[Float[np.ndarray, " samples"], dict[str, Float[np.ndarray, " samples"]], Clock]:
         self._require_signals(values)
-        times = _numbers("the time", times)
-        columns = {name: _numbers(f"signal {name}", values[name]) for name in self.behaviour.signal_names}
+        times, clock = self._clock.seconds(times)
+        columns = {name: numbers_of(f"signal {name}", values[name]) for name in self.behaviour.signal_names}
         require_equal_lengths(times, columns)
         require_increasing(times, -math.inf if math.isnan(self._last) else self._last, self._num_samples)
-        return times, columns
+        return times, columns, clock
 
     def _require_signals(self, values: Mapping[str, object]) -> None:
         for name in self.behaviour.signal_names:
@@ -228,6 +358,10 @@ class _Cycle:
         self._after: dict[tuple[Progress, int, int], tuple[Progress, bool]] = {}
         """What each move led to, for a trace makes the same few again and again."""
 
+    def begin_anew(self) -> None:
+        """Forget the progress, not the completions."""
+        self._progress = (0,) * len(self._edges)
+
     def advance(self, source: int, target: int) -> None:
         case = (self._progress, source, target)
         if case not in self._after:
@@ -236,11 +370,11 @@ class _Cycle:
         self.completed += completed
 
 
-def _numbers(what: str, column: Column) -> Float[np.ndarray, " samples"]:
-    try:
-        numbers = np.asarray(column, np.float64)
-    except (TypeError, ValueError):
-        raise TraceError(f"{what} must be numbers, one a sample") from None
-    if numbers.ndim != 1:
-        raise TraceError(f"{what} must be numbers, one a sample, but its shape is {numbers.shape}")
-    return numbers
+def _is_gap(interval: Any, last: Float[np.ndarray, "*samples window"]) -> Any:
+    """Whether an interval is a gap, after the last ones, of which those that are not known are NaN."""
+    known = np.isfinite(last)
+    ordered = np.sort(last, axis=-1)
+    # NaN comes last. Of an even number the greater of the two in the middle counts.
+    middle = known.sum(axis=-1) // 2
+    usual = np.take_along_axis(ordered, middle[..., None], axis=-1)[..., 0]
+    return interval > _GAP * (1 + CLOCK_TOLERANCE) * usual

@@ -35,6 +35,21 @@ class Stays:
 
 
 @dataclass(frozen=True)
+class Gaps:
+    """Intervals without samples, in which nothing was observed."""
+
+    count: int = 0
+    total: float = 0.0
+    """How long they lasted [s]."""
+    first: tuple[float, float] | None = None
+    """The times of the samples before and after the first one [s]."""
+
+    def and_one(self, before: float, after: float) -> Gaps:
+        """With one more gap between samples at these times."""
+        return Gaps(self.count + 1, self.total + (after - before), self.first or (before, after))
+
+
+@dataclass(frozen=True)
 class MonitorReport:
     """Statistics of a trace, up to the last sample processed."""
 
@@ -55,6 +70,10 @@ class MonitorReport:
     """The number of violations of each kind that occurred."""
     first: Violation | None
     """The first violation."""
+    gaps: Gaps = Gaps()
+    """What was not observed between the first and the last sample."""
+    clock: str = ""
+    """How times were converted to seconds, in words; empty if they were seconds."""
 
     @property
     def follows(self) -> bool:

@@ -29,6 +29,8 @@ class Trace:
     """By name, a number a sample for each signal, in its unit; NaN where nothing was recorded."""
     converted: tuple[str, ...] = ()
     """What was converted from another unit, a clause each."""
+    clock: str = ""
+    """How its times were converted to seconds, in words; empty if they were recorded in them."""
 
     def __post_init__(self):
         names = tuple(signal.name for signal in self.signals)
@@ -44,6 +46,18 @@ class Trace:
     def dt(self) -> float:
         """The time between the first two samples [s]; infinity if there are fewer."""
         return float(self.time[1] - self.time[0]) if len(self.time) > 1 else math.inf
+
+
+def require_signals(signals: tuple[Signal, ...]) -> None:
+    """Check that there are any.
+
+    **Raises:** `TraceError` for a behaviour without signals, which no trace could follow or break.
+    """
+    if not signals:
+        raise TraceError(
+            "the behaviour has no signals, so a trace could show nothing of it; name its signals and write "
+            "the phases in them"
+        )
 
 
 def require_equal_lengths(

@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from coachable.automata.latches import has_deadband
 from coachable.automata.trace import seconds
-from coachable.automata.tracker import has_deadband
 from coachable.behaviours.behaviour import Behaviour, Dwell, Phase
 from coachable.behaviours.expressions import (
     Arithmetic,
@@ -62,6 +62,8 @@ class Violation:
     values: Mapping[str, float]
     """The signals at this sample, by name."""
     behaviour: Behaviour = field(repr=False)
+    absences: int = 0
+    """How many short absences from `source` there were in that time."""
 
     @property
     def sentence(self) -> str:
@@ -84,7 +86,11 @@ class Violation:
                 return f"{way} comes too soon: {lasted} of at least {least:g} s."
             case Kind.TOO_LONG:
                 most = self._dwell().at_most
-                return f"{self.source} lasts too long: {seconds(self.duration)} s of at most {most:g} s."
+                count = self.absences
+                away = f", {count} short absence{'s' * (count > 1)} included," if count else ""
+                return (
+                    f"{self.source} lasts too long: {seconds(self.duration)} s{away} of at most {most:g} s."
+                )
 
     def _phase(self, name: str) -> Phase:
         return next(phase for phase in self.behaviour.phases if phase.name == name)

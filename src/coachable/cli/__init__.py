@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import inspect
+import io
 import os
 import shlex
 import sys
@@ -71,11 +72,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _set_up() -> None:
     """Give a program whose output is closed one that goes nowhere, and let modules of the folder be found.
 
-    As last, so that no file in the folder takes the place of an installed module.
+    As last, so that no file in the folder takes the place of an installed module. Letters that a terminal
+    cannot show become question marks.
     """
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
+        stream = getattr(sys, name)
+        if stream is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     with contextlib.suppress(OSError):
         here = os.getcwd()
         if here not in sys.path:

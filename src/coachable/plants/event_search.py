@@ -1,6 +1,18 @@
-"""Integrate through events and falls: smooth segments, each ended where a guard falls through zero."""
+"""Integrate through events and falls: smooth segments, each ended where a guard falls through zero.
 
-from collections.abc import Sequence
+`next_event` is the one event logic: simulation and execution of a hybrid automaton both go from event to
+event with it.
+
+- *Admissible*: a guard that falls through zero where the event is not admissible has passed: it must rise
+  above zero before it can fall through it again, even if the event becomes admissible meanwhile.
+- *Grazing*: a guard that touches zero and rises again happens if it is found at or below zero.
+- *Re-entrant*: a guard that a reset left at zero happens again only if it rises first.
+- *Simultaneous*: of events at the same moment the first in the plant's order happens; each of the others
+  follows at once if its guard is still at zero and still falling after the reset.
+- *Zeno*: events that pile up are chatter in a simulation, and end an execution.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
@@ -12,7 +24,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from coachable.plants.outcome import Outcome
-from coachable.plants.plant import Dynamics
+from coachable.plants.plant import Dynamics, Event
 from coachable.plants.runge_kutta import rk4
 
 Tree = TypeVar("Tree")
@@ -51,6 +63,8 @@ class Progress(eqx.Module):
     """How many substeps are complete."""
     on_guard: tuple[Bool[Array, ""], ...]
     """Of each event whether x is on its guard, right after a reset, whatever rounding does."""
+    pending: tuple[Bool[Array, ""], ...]
+    """Of each event whether it is due now, at the moment of the one before; empty for a single event."""
     others: Int[Array, ""] | None
     """Events so far that were no touchdowns; `None` where the plant has none of that kind."""
     touchdowns: Int[Array, ""]
@@ -74,6 +88,7 @@ def standing_at(
         time=zero,
         substep=count,
         on_guard=(no,) * len(plant.events),
+        pending=(no,) * len(plant.events) if len(plant.events) > 1 else (),
         others=None if all(event.restarts_clock for event in plant.events) else count,
         touchdowns=count,
         first_touchdown=zero,
@@ -81,6 +96,109 @@ def standing_at(
         segment_x=x,
         segment_foot_x=foot_x,
     )
+
+
+class Segment(eqx.Module):
+    """The flow from a state until an event, a fall, or the end of a time h."""
+
+    x_end: Float[Array, " state"]
+    """After h, as if nothing happened."""
+    finite: Bool[Array, ""]
+    """Whether it is finite."""
+    tau: Float[Array, ""]
+    """When a guard or the fall margin falls through zero [s]; h if none does."""
+    x_event: Float[Array, " state"]
+    """The state then, before any jump."""
+    fell: Bool[Array, ""]
+    """Whether the segment ends there with a fall."""
+    jumped: Bool[Array, ""]
+    """Whether the segment ends there with an event; if it neither fell nor jumped, it lasts for h."""
+    which: Int[Array, ""] | int
+    """The number of the event."""
+    pending: tuple[Bool[Array, ""], ...]
+    """Of each event whether it could have happened instead; empty for a single event."""
+
+
+def next_event(
+    plant: Dynamics,
+    flow: Callable[[Array, Array], Array],
+    x: Float[Array, " state"],
+    control: Float[Array, " control"],
+    h: Float[Array, ""],
+    on_guard: tuple[Bool[Array, ""], ...],
+    pending: tuple[Bool[Array, ""], ...],
+) -> Segment:
+    """Return the first event or fall within h.
+
+    A Runge–Kutta trial over h shows which guards fall through zero. The time τ is where a parabola, through
+    the guard's value and slope at the start and its value at the trial's end, falls through zero, polished by
+    Newton steps τ ← τ − g / ġ on the Runge–Kutta solution itself. Of several events the earliest happens. A
+    guard that crosses zero twice within h is not seen here.
+
+    **Arguments:** `flow`: ẋ in terms of state and control; `on_guard`, `pending`: as in `Progress`.
+    """
+    events = plant.events
+
+    def slopes(x: Array) -> list[tuple[Array, Array]]:
+        """(value, time derivative) of each event's guard and, last, of the fall margin."""
+        velocity = flow(x, control)
+        functions = (*(event.guard for event in events), plant.fall_margin)
+        return [jax.jvp(function, (x,), (velocity,)) for function in functions]
+
+    x_end = rk4(flow, x, control, h)
+    finite = jnp.all(jnp.isfinite(x_end))
+
+    *guards, (margin, margin_slope) = slopes(x)
+    guard_ends = [event.guard(x_end) for event in events]
+    margin_end = plant.fall_margin(x_end)
+    could_happen, happens, event_at = [], [], []
+    for number, (event, (guard, slope), guard_end, on_it) in enumerate(
+        zip(events, guards, guard_ends, on_guard, strict=True)
+    ):
+        # A guard that is zero, as after a reset, can only fall through zero again if it rises first.
+        guard = jnp.where(on_it, 0, guard)
+        armed = (guard > 0) | (on_it & (slope > 0) & event.can_repeat)
+        if pending:
+            armed |= pending[number] & (slope < 0)
+        armed &= event.admissible(x_end) | event.admissible(x)
+        could_happen.append(armed)
+        happens.append(armed & (guard_end <= 0))
+        event_at.append(_falling_root(guard, h * slope, guard_end))
+    falls = margin_end <= 0
+    jumps, jump_at, which = _earliest(happens, event_at)
+    fall_at = _falling_root(jnp.maximum(margin, 0), h * margin_slope, margin_end)
+    falls &= ~jumps | (fall_at < jump_at)
+    ends = (jumps | falls) & finite
+    tau = h * jnp.where(ends, jnp.clip(jnp.where(falls, fall_at, jump_at), 0, 1), 1)
+    # The barriers make XLA compute what stands here once, not again, with its sines, in each of its uses.
+    x_end, tau, ends, falls = lax.optimization_barrier((x_end, tau, ends, falls))
+    for _ in range(NUM_POLISHINGS):
+        *at_events, at_fall = slopes(rk4(flow, x, control, tau))
+        at_event = _chosen(which, at_events, at_fall)
+        value, slope = (jnp.where(falls, *pair) for pair in zip(at_fall, at_event, strict=True))
+        polished = jnp.clip(tau - value / jnp.where(slope < 0, slope, -jnp.inf), 0, h)
+        tau = lax.optimization_barrier(jnp.where(ends, polished, tau))
+    x_event = lax.optimization_barrier(rk4(flow, x, control, tau))
+
+    return Segment(
+        x_end=x_end,
+        finite=finite,
+        tau=tau,
+        x_event=x_event,
+        fell=ends & falls,
+        jumped=ends
+        & ~falls
+        & _chosen(which, [event.admissible(x_event) for event in events], jnp.array(False)),
+        which=which,
+        pending=tuple(armed & (which != number) for number, armed in enumerate(could_happen))
+        if pending
+        else (),
+    )
+
+
+def is_on_guard(event: Event, x: Float[Array, " state"]) -> Bool[Array, ""]:
+    """Whether x is on the guard of an event, whatever rounding does."""
+    return jnp.abs(event.guard(x)) <= jnp.finfo(x.dtype).eps ** 0.5
 
 
 def integrate_through_events(
@@ -95,60 +213,18 @@ def integrate_through_events(
 ) -> Progress:
     """Return where one control step ends; see `advance` for the arguments.
 
-    Every pass of the loop is one smooth segment: a Runge–Kutta trial to the end of the substep and, if that
-    crosses an event, one that ends there. The event's time τ is where a parabola, through the guard's value
-    and slope at the start and its value at the trial's end, falls through zero, polished by Newton steps
-    τ ← τ − g / ġ on the Runge–Kutta solution itself. Of several events the earliest happens. Its reset map is
-    applied, and the rest of the substep is the next pass.
+    Every pass of the loop is one smooth segment, to the end of the substep or to an event: see `next_event`.
+    Its reset map is applied, and the rest of the substep is the next pass.
     """
 
     events = plant.events
 
-    def slopes(x: Array) -> list[tuple[Array, Array]]:
-        """(value, time derivative) of each event's guard and, last, of the fall margin."""
-        velocity = plant.flow(x, control)
-        functions = (*(event.guard for event in events), plant.fall_margin)
-        return [jax.jvp(function, (x,), (velocity,)) for function in functions]
-
     def segment(now: Progress) -> Progress:
         substep_end = (now.substep + 1).astype(now.x.dtype) * (duration / num_substeps)
         h = jnp.maximum(substep_end - now.time, 0)
-        x_end = rk4(plant.flow, now.x, control, h)
-        finite = jnp.all(jnp.isfinite(x_end))
-
-        *guards, (margin, margin_slope) = slopes(now.x)
-        guard_ends = [event.guard(x_end) for event in events]
-        margin_end = plant.fall_margin(x_end)
-        happens, event_at = [], []
-        for event, (guard, slope), guard_end, on_guard in zip(
-            events, guards, guard_ends, now.on_guard, strict=True
-        ):
-            # A guard that is zero, as after a reset, can only fall through zero again if it rises first.
-            guard = jnp.where(on_guard, 0, guard)
-            armed = (guard > 0) | (on_guard & (slope > 0) & event.can_repeat)
-            armed &= event.admissible(x_end) | event.admissible(now.x)
-            happens.append(armed & (guard_end <= 0))
-            event_at.append(_falling_root(guard, h * slope, guard_end))
-        falls = margin_end <= 0
-        jumps, jump_at, which = _earliest(happens, event_at)
-        fall_at = _falling_root(jnp.maximum(margin, 0), h * margin_slope, margin_end)
-        falls &= ~jumps | (fall_at < jump_at)
-        ends = (jumps | falls) & finite
-        tau = h * jnp.where(ends, jnp.clip(jnp.where(falls, fall_at, jump_at), 0, 1), 1)
-        # The barriers make XLA compute what stands here once, not again, with its sines, in each of its uses.
-        x_end, tau, ends, falls = lax.optimization_barrier((x_end, tau, ends, falls))
-        for _ in range(NUM_POLISHINGS):
-            *at_events, at_fall = slopes(rk4(plant.flow, now.x, control, tau))
-            at_event = _chosen(which, at_events, at_fall)
-            value, slope = (jnp.where(falls, *pair) for pair in zip(at_fall, at_event, strict=True))
-            polished = jnp.clip(tau - value / jnp.where(slope < 0, slope, -jnp.inf), 0, h)
-            tau = lax.optimization_barrier(jnp.where(ends, polished, tau))
-        x_event = lax.optimization_barrier(rk4(plant.flow, now.x, control, tau))
-
-        fell = ends & falls
-        jumped = (
-            ends & ~falls & _chosen(which, [event.admissible(x_event) for event in events], jnp.array(False))
-        )
+        found = next_event(plant, plant.flow, now.x, control, h, now.on_guard, now.pending)
+        x_end, finite, tau, x_event = found.x_end, found.finite, found.tau, found.x_event
+        fell, jumped, which = found.fell, found.jumped, found.which
         touched = jumped
         if now.others is not None:
             touched &= _chosen(which, [jnp.array(event.restarts_clock) for event in events], jnp.array(False))
@@ -158,9 +234,8 @@ def integrate_through_events(
         x = jnp.where(ended_early, jnp.where(jumped, after, x_event), x_end)
         moved = _chosen(which, [event.displacement(x_event) for event in events], jnp.zeros_like(now.foot_x))
         foot_x = now.foot_x + jnp.where(jumped, moved, 0)
-        on_guard = tuple(
-            jumped & (jnp.abs(event.guard(x)) <= jnp.finfo(x.dtype).eps ** 0.5) for event in events
-        )
+        on_guard = tuple(jumped & is_on_guard(event, x) for event in events)
+        pending = tuple(due & near for due, near in zip(found.pending, on_guard, strict=False))
 
         first_touchdown = jnp.where(touched & (now.touchdowns == 0), time, now.first_touchdown)
         chattered = touched & (now.touchdowns + 1 >= MAX_TOUCHDOWNS)
@@ -185,6 +260,7 @@ def integrate_through_events(
             time=time,
             substep=substep,
             on_guard=on_guard,
+            pending=pending,
             others=others,
             touchdowns=now.touchdowns + touched,
             first_touchdown=first_touchdown,

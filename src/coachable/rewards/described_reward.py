@@ -204,7 +204,7 @@ class DescribedReward:
     @cached_property
     def tracker(self) -> Tracker:
         """Where a run is."""
-        return Tracker.of(self.behaviour)
+        return Tracker.of(self.behaviour, form_of(self.form).flicker)
 
     @cached_property
     def bound_form(self) -> BoundForm:

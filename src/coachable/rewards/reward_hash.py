@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 
+from coachable.automata.latches import has_deadband
 from coachable.behaviours.behaviour import Behaviour, Dwell
 from coachable.behaviours.rewriting import normal_form
 from coachable.rewards.forms import RewardForm, form_of
@@ -34,6 +35,11 @@ def hash_of_paid(behaviour: Behaviour, form: RewardForm | str, **also: object) -
     }
     if any(phase.dwell not in (None, Dwell()) for phase in behaviour.phases):
         paid["dwells"] = [_times(phase.dwell or Dwell()) for phase in behaviour.phases]
+        if (flicker := form_of(form).flicker) != 0:
+            paid["flicker"] = None if flicker is None else repr(float(flicker))
+    if any(has_deadband(phase.predicate) for phase in behaviour.phases):
+        # Once it was the whole phase that remembered, and paid otherwise.
+        paid["deadbands"] = "of comparisons"
     return hashlib.sha256(json.dumps(paid, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 

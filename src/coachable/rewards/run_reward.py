@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import jax
@@ -35,6 +36,15 @@ class RunStep(NamedTuple):
     """What a policy may see of the memory after it."""
 
 
+@dataclass(slots=True)
+class _Stay:
+    """As `tracker.Stay`, in plain numbers."""
+
+    time: float = 0.0
+    entered: bool = False
+    absent: float = 0.0
+
+
 class RunReward:
     """Follows one run whose signals come as plain floats, and pays it what `DescribedReward` would.
 
@@ -46,25 +56,32 @@ class RunReward:
         self._reward = reward
         tracker = reward.tracker
         self._none_yet = tracker.none_yet
-        self._locate = DecisionDiagram(tracker).locate
+        self._locate = DecisionDiagram(tracker).step
+        self._held = self._none_held = tracker.latches.none(tracker.none_yet)
         self._dwells = (*tracker.dwells, None) if tracker.has_dwells else ()
+        self._flicker = tracker.flicker
         self._dt = reward.dt or 0.0
         self._steps: dict[tuple, RunStep] = {}
         self._first = [self._begun_at(location) for location in range(len(reward.phase_names))]
         self._location = self._none_yet
         self._memory = self._first[-1].memory
-        self._time, self._entered = 0.0, False
+        self._stays: dict[int, _Stay] = {}
+        """The last one in each phase with a dwell time."""
 
     def begin(self, values: Sequence[float]) -> RunStep:
         """Begin an episode with the behaviour's signals in its order; a `RunStep` that pays 0."""
-        begun = self._first[self._locate(values, self._none_yet)]
+        location, self._held = self._locate(values, self._none_yet, self._none_held)
+        begun = self._first[location]
         self._location, self._memory = begun.location, begun.memory
-        self._time, self._entered = 0.0, False
+        self._stays = {}
+        if self._dwells and self._dwells[self._location] is not None:
+            self._stays[self._location] = _Stay()
         return begun
 
     def step(self, values: Sequence[float], terminated: bool) -> RunStep:
         """One more step, and what it was. `begin` comes first."""
-        previous, location = self._location, self._locate(values, self._location)
+        previous = self._location
+        location, self._held = self._locate(values, previous, self._held)
         too_short, too_long = self._clocked(previous, location) if self._dwells else (None, None)
         case = (self._memory, previous, location, too_short, too_long, terminated)
         step = self._steps.get(case)
@@ -77,14 +94,24 @@ class RunReward:
 
     def _clocked(self, previous: int, location: int) -> tuple[bool, bool]:
         """Whether a dwell time is violated, by the clock of `Tracker.advance`."""
-        dwell, tolerance = self._dwells[previous], CLOCK_TOLERANCE * self._dt
-        time, entered, moved = self._time + self._dt, self._entered, location != previous
-        self._time, self._entered = (0.0, True) if moved else (time, entered)
-        if dwell is None:
-            return False, False
-        if moved:
-            return entered and dwell.too_short(time, tolerance), False
-        return False, dwell.too_long(time, tolerance)
+        dt, tolerance = self._dt, CLOCK_TOLERANCE * self._dt
+        for place, stay in self._stays.items():
+            stay.time += dt
+            stay.absent = 0.0 if place == previous else stay.absent + dt
+        too_short = too_long = False
+        if location != previous and (left := self._dwells[previous]) is not None:
+            stay = self._stays[previous]
+            too_short = stay.entered and left.too_short(stay.time, tolerance)
+        if (dwell := self._dwells[location]) is not None:
+            stay, longest = (
+                self._stays.get(location),
+                dt if self._flicker is None else self._flicker + tolerance,
+            )
+            if stay is not None and (location == previous or stay.absent <= longest):
+                too_long, stay.absent = dwell.too_long(stay.time, tolerance), 0.0
+            else:
+                self._stays[location] = _Stay(entered=True)
+        return too_short, too_long
 
     def _begun_at(self, location: int) -> RunStep:
         place, zero = np.asarray(location), np.zeros(())

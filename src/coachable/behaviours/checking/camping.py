@@ -1,6 +1,7 @@
 """Camping: the reward of a robot that enters a phase, stops, and waits.
 
-Staying in a phase pays +1 a control step, and a step beyond its longest dwell time −1.
+Staying in a phase pays +1 a control step, and a step beyond its longest dwell time −1. An absence of one step
+undoes no limit, and a longer one does.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ def _camp(phase: Phase, speeds: list[str], state: Witness) -> Finding:
             "bounded-camping",
             "note",
             subjects,
-            f"{message}. Its dwell time bounds the pay: +1 every step for at most {limit:g} s, then −1.",
+            f"{message}. Its dwell time bounds the pay: +1 every step for at most {limit:g} s, then −1, "
+            "until it has been outside for two steps.",
             f"Nothing, if {limit:g} s is not much longer than {phase.name} takes in a good movement.",
             state,
         )

@@ -116,7 +116,7 @@ def _followed(
             _last(question, entered, before, phases[edge.source].dwell, bounds[edge.source])
         question.require(regions.lasting[edge.source].passage(True), before)
         entered = regions.travel(edge, question, before)
-        question.require(regions.entered[edge.target].passage(False), entered)
+        question.require(regions.lasting[edge.target].passage(False), entered)
     refuted = question.refuted()
     return None if refuted is None else not refuted
 

@@ -110,12 +110,11 @@ def rates_of(behaviour: Behaviour) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Regions:
-    """Each phase as the region in which it is entered, and the one in which it lasts.
+    """Each phase as the region in which it lasts.
 
-    With a deadband a phase lasts farther than it is entered.
+    It may be entered anywhere in it, for a comparison with a deadband remembers whatever the phase is.
     """
 
-    entered: Mapping[str, Region]
     lasting: Mapping[str, Region]
     region_of: Callable[[Predicate], Region]
     signals: tuple[str, ...]
@@ -134,7 +133,6 @@ class Regions:
             return region(predicate, rates, refuted_here)
 
         return Regions(
-            {phase.name: region_of(expanded(phase.predicate)) for phase in behaviour.phases},
             {phase.name: region_of(widened(phase.predicate)) for phase in behaviour.phases},
             region_of,
             behaviour.signal_names,
@@ -148,12 +146,12 @@ class Regions:
 
     def touch(self, edge: Edge) -> bool | None:
         """Whether the edge's phases touch, across the reset if there is one; `None` if that is not known."""
-        source, target = self.lasting[edge.source], self.entered[edge.target]
+        source, target = self.lasting[edge.source], self.lasting[edge.target]
         return self._possible(edge, source.closure, target.closure, source.exact and target.exact)
 
     def travelled(self, edge: Edge, only: Comparison | None = None) -> bool | None:
         """Whether the derivatives allow the edge; `only` looks at the condition of one comparison."""
-        source, target = self.lasting[edge.source], self.entered[edge.target]
+        source, target = self.lasting[edge.source], self.lasting[edge.target]
         leave, enter = source.passage(True, only), target.passage(False, only)
         return self._possible(edge, leave, enter, source.exact and target.exact)
 

@@ -18,7 +18,7 @@ def edges(behaviour: Behaviour, regions: Regions) -> Iterator[Result]:
     touching = 0
     walked = [edge for edge in behaviour.edges if edge.source != edge.target or edge.reset]
     for edge in walked:
-        if not regions.lasting[edge.source].terms or not regions.entered[edge.target].terms:
+        if not regions.lasting[edge.source].terms or not regions.lasting[edge.target].terms:
             continue  # An empty phase is a finding of its own.
         touch = regions.touch(edge)
         if touch is False:
@@ -65,7 +65,7 @@ def _apart(behaviour: Behaviour, edge: Edge) -> Finding:
 
 
 def _forbidden(regions: Regions, edge: Edge) -> Finding:
-    source, target = regions.lasting[edge.source], regions.entered[edge.target]
+    source, target = regions.lasting[edge.source], regions.lasting[edge.target]
     demands = [(edge.source, condition, "Leaving") for condition in source.demands(True)]
     demands += [(edge.target, condition, "Entering") for condition in target.demands(False)]
     alone = [demand for demand in demands if regions.travelled(edge, demand[1].comparison) is False]

@@ -53,6 +53,11 @@ class RewardForm(abc.ABC):
     name: ClassVar[str] = ""
     """What plans call a form that ships; one of your own is called `module:Class`."""
 
+    @property
+    def flicker(self) -> float | None:
+        """The absence from a phase through which its time counts on; see `Tracker`. By default 0, none."""
+        return 0.0
+
     @abc.abstractmethod
     def bind(self, behaviour: Behaviour, dt: int | float | None) -> BoundForm:
         """The form for a behaviour.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -86,9 +87,21 @@ class TableForm(RewardForm):
 
 @dataclass(frozen=True)
 class Stay(TableForm):
-    """+1 for staying in a phase, following an edge and entering a phase from outside; −1 for all else."""
+    """+1 for staying in a phase, following an edge and entering a phase from outside; −1 for all else.
+
+    A dwell time counts on through short absences from its phase, which would otherwise undo the limit.
+
+    **Raises:** `ParameterError` for a `flicker` that is negative or not finite.
+    """
 
     name: ClassVar[str] = "stay"
+
+    flicker: float | None = None  # pyright: ignore[reportIncompatibleMethodOverride]
+    """The longest such absence [s]; by default one step."""
+
+    def __post_init__(self):
+        if self.flicker is not None and not 0 <= self.flicker < math.inf:
+            raise ParameterError(f"flicker is {self.flicker!r}; it must be a time in seconds, or 0 for none")
 
 
 @dataclass(frozen=True)

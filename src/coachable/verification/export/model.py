@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from coachable.automata.hybrid import TOUCHDOWN, HybridAutomaton
-from coachable.automata.tracker import has_deadband
+from coachable.automata.latches import has_deadband
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.expressions import (
     Arithmetic,
