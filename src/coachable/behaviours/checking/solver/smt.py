@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 
 import z3
@@ -32,6 +32,14 @@ _PATIENCE = 4
 _ROUNDS = 10
 """The number of refuted models after which a question is given up."""
 _FRIENDLY = tuple(map(Fraction, ("0.1", "-0.1", "1", "-1", "0", "0.5", "-0.5", "2", "-2")))
+
+
+def _limited(kind: Callable[[], z3.Solver]) -> z3.Solver:
+    """A solver with limited effort, which leaves Ctrl-C to Python: its own handler ends but one answer."""
+    solver = kind()
+    solver.set("rlimit", _EFFORT)
+    solver.set("ctrl_c", False)
+    return solver
 
 
 class Question:
@@ -131,8 +139,7 @@ class Question:
         """Whether the requirements contradict each other whatever numbers sines and cosines are."""
         if not self._encoding.sines:
             return False
-        solver = z3.SimpleSolver()
-        solver.set("rlimit", _EFFORT)
+        solver = _limited(z3.SimpleSolver)
         solver.set("timeout", _LONGEST)
         solver.add(*self._required)
         return solver.check() == z3.unsat
@@ -164,8 +171,7 @@ class Question:
         for new_solver in (z3.SimpleSolver, z3.Solver):
             if self._given_up >= 2 * _PATIENCE:
                 break
-            solver = new_solver()
-            solver.set("rlimit", _EFFORT)
+            solver = _limited(new_solver)
             solver.set("timeout", _LONGEST)
             solver.add(*facts)
             answer = solver.check()
@@ -296,8 +302,7 @@ def cells(signals: Sequence[str], cuts: Sequence[Comparison], most: int) -> list
     encoding = Encoding(signals)
     state = encoding.state()
     facts = [encoding.truth(cut, state) for cut in cuts]
-    solver = z3.SimpleSolver()
-    solver.set("rlimit", _EFFORT)
+    solver = _limited(z3.SimpleSolver)
     found: list[tuple[bool, ...]] = []
 
     def search(sides: tuple[bool, ...]) -> bool:
