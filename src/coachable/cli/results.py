@@ -11,11 +11,13 @@ from tyro.conf import Positional, arg
 from coachable.cli.options import (
     Json,
     RunFolder,
+    Trust,
     output,
     print_json,
     refuse_out_with_json,
     require_folder,
     require_suffix,
+    say_imports,
 )
 from coachable.foundation.errors import CoachableError
 
@@ -29,6 +31,7 @@ def table(
         Path | None, output("DIR", "Where the table and the figures go.", otherwise="the run folder")
     ] = None,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Print a run's table; write it as Markdown, with its figures as SVG and PNG.
 
@@ -43,6 +46,7 @@ def table(
     from coachable.analysis.table import diverged_lanes, print_table, write_markdown
     from coachable.experiments.run_folder.reader import open_run
 
+    say_imports(trust, run)
     if json:
         from coachable.analysis.numbers import table_numbers
 
@@ -71,6 +75,7 @@ def compare(
         Path | None, output("DIR", "Where the table and the figures go.", otherwise="comparison")
     ] = None,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Lay the curves of two studies over each other, and test whether their runs differ.
 
@@ -90,6 +95,7 @@ def compare(
     if json:
         refuse_out_with_json(out)
     require_folder(out)
+    say_imports(trust, run, other)
     studies = {}
     for path in (run, other):
         opened = open_run(path)
@@ -117,6 +123,7 @@ def report(
             otherwise="report.html, in the run folder or, of several, here",
         ),
     ] = None,
+    trust: Trust = False,
 ) -> None:
     """Write one HTML page that shows what was learned: claims, curves, walkers, every seed, and the numbers.
 
@@ -135,6 +142,7 @@ def report(
     if not runs:
         raise CoachableError("give at least one RUN: coachable report runs/paper")
     format = _format(out)
+    say_imports(trust, *runs)
     from rich.console import Console
     from rich.markup import escape
 
