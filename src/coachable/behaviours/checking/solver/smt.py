@@ -6,6 +6,7 @@ becomes a witness only once `holds` has confirmed it in floats.
 
 from __future__ import annotations
 
+import itertools
 import math
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,7 +16,7 @@ import z3
 
 from coachable.behaviours.behaviour import Assignment
 from coachable.behaviours.checking.solver import sines
-from coachable.behaviours.checking.solver.affine import nearest_float
+from coachable.behaviours.checking.solver.affine import bound_of, cells_of_bounds, nearest_float, tightest
 from coachable.behaviours.checking.solver.encoding import Encoding, Formula, Real, State, Witness
 from coachable.behaviours.checking.solver.kinematics import Decision, decide
 from coachable.behaviours.expressions import Expression
@@ -286,8 +287,8 @@ def conflict(signals: Sequence[str], predicates: Sequence[Predicate]) -> tuple[P
 
 def essence(signals: Sequence[str], predicates: Sequence[Predicate]) -> tuple[Predicate, ...]:
     """The predicates without those that follow from the rest."""
-    kept = list(predicates)
-    for predicate in reversed(predicates):
+    kept = tightest(predicates)
+    for predicate in reversed(kept[:]):
         fewer = [other for other in kept if other is not predicate]
         if refuted(signals, *fewer, Not(predicate)):
             kept = fewer
@@ -297,8 +298,12 @@ def essence(signals: Sequence[str], predicates: Sequence[Predicate]) -> tuple[Pr
 def cells(signals: Sequence[str], cuts: Sequence[Comparison], most: int) -> list[tuple[bool, ...]] | None:
     """For which sides of the cuts there is a state; `None` for more than `most`, or if the solver gives up.
 
-    The cuts are comparisons of sums of multiples of signals.
+    The cuts are comparisons of sums of multiples of signals, all different.
     """
+    bounds = [bound for cut in cuts if (bound := bound_of(cut)) is not None]
+    if len(bounds) == len(cuts):
+        of_bounds = list(itertools.islice(cells_of_bounds(bounds), most + 1))
+        return sorted(of_bounds, reverse=True) if len(of_bounds) <= most else None
     encoding = Encoding(signals)
     state = encoding.state()
     facts = [encoding.truth(cut, state) for cut in cuts]
