@@ -15,7 +15,7 @@ from coachable.cli.options import (
     output,
     say_imports,
 )
-from coachable.cli.results import table
+from coachable.cli.results import show_table
 
 
 def train(
@@ -134,4 +134,4 @@ def train(
         workers=workers,
         allow_different_layout=allow_different_layout,
     )
-    table(folder)
+    show_table(folder, folder)

@@ -41,19 +41,25 @@ def table(
         coachable table runs/paper -o docs/results/paper
         coachable table runs/paper --json
     """
-    from coachable.analysis.figures import draw_figures
-    from coachable.analysis.measurements import measure, measure_so_far
-    from coachable.analysis.table import diverged_lanes, print_table, write_markdown
-    from coachable.experiments.run_folder.reader import open_run
-
     say_imports(trust, run)
     if json:
         from coachable.analysis.numbers import table_numbers
+        from coachable.experiments.run_folder.reader import open_run
 
         refuse_out_with_json(out)
         print_json(table_numbers(open_run(run)))
         return
     require_folder(out)
+    show_table(run, out or run)
+
+
+def show_table(run: Path, folder: Path) -> None:
+    """Print a run's table, and write it with its figures into a folder."""
+    from coachable.analysis.figures import draw_figures
+    from coachable.analysis.measurements import measure, measure_so_far
+    from coachable.analysis.table import diverged_lanes, print_table, write_markdown
+    from coachable.experiments.run_folder.reader import open_run
+
     opened = open_run(run)
     # Of a study with claims nothing is decided before it has ended.
     looks_ahead = opened.status != "complete" and opened.baseline is None
@@ -63,7 +69,6 @@ def table(
     print_table(measured)
     for sentence in diverged_lanes(opened):
         print(sentence)
-    folder = out or run
     for path in (*draw_figures(measured, folder), write_markdown(measured, folder)):
         print(f"wrote {path}")
 
