@@ -10,10 +10,7 @@
 Names are loaded when they are first used, so that importing this package is quick.
 """
 
-from typing import TYPE_CHECKING
-
-from coachable.foundation.lazy import lazily
-
+TYPE_CHECKING = False  # type checkers take it for true
 if TYPE_CHECKING:
     from coachable.analysis import write_report as write_report
     from coachable.analysis.citation import citation as citation
@@ -128,4 +125,16 @@ _HOMES = {
 }
 
 __all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
-__getattr__, __dir__ = lazily(__name__, _HOMES)
+
+
+# Nothing is imported above: until the command line handles Ctrl-C, it would end with a traceback.
+def __getattr__(name: str) -> object:
+    from coachable.foundation.lazy import lazily
+
+    return lazily(__name__, _HOMES)[0](name)
+
+
+def __dir__() -> list[str]:
+    from coachable.foundation.lazy import lazily
+
+    return lazily(__name__, _HOMES)[1]()

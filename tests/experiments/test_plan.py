@@ -285,7 +285,7 @@ def test_the_compass_walkers_environment_is_the_plant():
         ('env = "A-v0"\nbehaviour = "hop"\nstep = 1', "unknown key 'step'; did you mean 'steps'"),
         ('env = "A-v0"\nbehaviour = "hop"\ntrainer = "ppo"', "take sb3-ppo"),
         ('env = "A-v0"\nbehaviour = "hop"\ntrainer = "sb3-poo"', "did you mean 'sb3-ppo'"),
-        ('env = "A-v0"\nbehaviour = "hop"\ntrainer = "json:loads"', "cannot be made"),
+        ('env = "A-v0"\nbehaviour = "hop"\ntrainer = "json:loads"', "is no Trainer"),
         ('env = "A-v0"\nbehaviour = "hop"\nclock = "free"', "clock is for plants"),
         ('name = "a"\nevaluation_episodes = 3', "evaluation_episodes is for Gymnasium environments"),
         ('env = "A-v0"\nbehaviour = "hop"\n[setups.a]\nweigth = 1', r"setups\.a\.weigth"),
@@ -381,6 +381,31 @@ def test_a_plan_from_elsewhere_names_what_it_would_import(tmp_path, monkeypatch)
     for path in ("../plan.toml", tmp_path / "plan.toml", "link.toml"):
         with pytest.raises(PlanError, match=r"names thirdparty\.trainers, robots.*--trust"):
             require_trusted(path)
+
+
+def test_a_run_and_a_counterexample_from_elsewhere_name_what_they_would_import(tmp_path, monkeypatch):
+    here, run = tmp_path / "here", tmp_path / "run"
+    for folder in (here, run / "counterexamples"):
+        folder.mkdir(parents=True)
+    monkeypatch.chdir(here)
+    (run / "plan.toml").write_text('env = "robots:Line-v0"\n')
+    of_plant, of_environment = (run / "counterexamples" / f"{name}-1.json" for name in "ab")
+    of_plant.write_text('{"plant_class": "my-plants:Hopper", "found_by": "a search: it fell"}')
+    of_environment.write_text('{"environment": "robots:Line-v0"}')
+    for path, name in ((run, "robots"), (of_plant, "my-plants"), (of_environment, "robots")):
+        with pytest.raises(PlanError, match=f"names {name}.*--trust"):
+            require_trusted(path)
+        assert require_trusted(path, trusted=True) == (name,)
+        assert require_trusted(path, known=[name]) == ()
+    (run / "plan.toml").write_text("no plan")
+    assert require_trusted(run) == require_trusted(tmp_path / "none.json") == ()
+
+
+def test_only_a_trainer_is_made_from_the_settings_of_a_plan(tmp_path):
+    settings = {"args": ["touch", str(tmp_path / "ran")]}
+    with pytest.raises(PlanError, match="is no Trainer"):
+        load_plan("demo", trainer="subprocess:Popen", settings=settings)
+    assert not list(tmp_path.iterdir())
 
 
 def test_modules_are_found_wherever_a_plan_names_them():

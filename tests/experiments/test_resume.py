@@ -44,8 +44,9 @@ def replace(source, target):
     really_replace(source, target)
 
 os.replace = replace
-commands.table = lambda run: None
-cli.main(arguments)
+commands.show_table = lambda run, folder: None
+sys.argv[1:] = arguments
+cli.main()
 """
 
 

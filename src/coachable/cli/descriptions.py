@@ -12,12 +12,14 @@ from coachable.cli.options import (
     BehaviourName,
     LaneSeed,
     LaneSetup,
+    Trust,
     WhichPolicy,
     option,
     output,
     print_json,
     require_no_input,
     require_suffix,
+    say_imports,
 )
 from coachable.foundation.data import whole_number
 from coachable.foundation.errors import CoachableError
@@ -239,6 +241,7 @@ def explain(
         Path | None, output("FILE", "x.csv, the phase at each moment.", otherwise="not written")
     ] = None,
     json: Annotated[bool, arg(help="Print JSON.")] = False,
+    trust: Trust = False,
 ) -> None:
     """Report where a recorded trace follows a behaviour, and where and why it does not.
 
@@ -280,6 +283,7 @@ def explain(
             from coachable.experiments.recorded_episodes import recorded_walk
             from coachable.experiments.run_folder.reader import open_run
 
+            say_imports(trust, source)
             run = open_run(source)
             lane = run.lane(setup, seed)
             walk = recorded_walk(run, lane.setup, lane.seed, which)

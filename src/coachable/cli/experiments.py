@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
 from coachable.cli.descriptions import warn_of_errors
-from coachable.cli.options import Semantics, option, output
-from coachable.cli.results import table
+from coachable.cli.options import (
+    Semantics,
+    Trust,
+    option,
+    output,
+    say_imports,
+)
+from coachable.cli.results import show_table
 
 
 def train(
@@ -83,9 +88,7 @@ def train(
     allow_different_layout: Annotated[
         bool, arg(help="Go on with a run that was begun under other versions or on another machine.")
     ] = False,
-    trust: Annotated[
-        bool, arg(help="Import the modules that a plan from outside of the current folder names.")
-    ] = False,
+    trust: Trust = False,
 ) -> None:
     """Train an experiment, or go on with one, and print its table.
 
@@ -99,15 +102,13 @@ def train(
         coachable train --env Walker2d-v5 --behaviour walk.behaviour --settings ppo-walker2d --seeds 2
         coachable train --env coachable/CompassWalker-v0 --behaviour compass-walking --trainer sb3-ppo
     """
-    from coachable.experiments.plan import load_plan, require_trusted, trainer_settings
+    from coachable.experiments.plan import load_plan, modules_named, trainer_settings
     from coachable.experiments.runner import run_experiment
     from coachable.foundation.errors import PlanError
 
     if plan is None and env is None:
         raise PlanError("train what? Give a plan, such as paper or demo, or --env and --behaviour")
-    for file in (plan, settings):
-        if file is not None and not trust and (modules := require_trusted(file)):
-            print(f"coachable: importing {', '.join(modules)}, as {file} says", file=sys.stderr)
+    say_imports(trust, plan, settings)
     experiment = load_plan(
         plan,
         env=env,
@@ -125,6 +126,7 @@ def train(
     )
     warn_of_errors(experiment.behaviour, experiment.described_by)
     folder = out or Path("runs") / experiment.name
+    say_imports(trust, folder, known=modules_named(experiment.to_data()))
     run_experiment(
         experiment,
         folder,
@@ -132,4 +134,4 @@ def train(
         workers=workers,
         allow_different_layout=allow_different_layout,
     )
-    table(folder)
+    show_table(folder, folder)

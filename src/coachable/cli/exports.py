@@ -13,6 +13,7 @@ from coachable.cli.options import (
     LaneSeed,
     LaneSetup,
     PlantOfBaseline,
+    Trust,
     Which,
     WhichPolicy,
     option,
@@ -20,6 +21,7 @@ from coachable.cli.options import (
     plant_of_baseline,
     require_no_input,
     require_suffix,
+    say_imports,
 )
 from coachable.foundation.errors import CoachableError
 
@@ -66,6 +68,7 @@ def export(
             otherwise="the policy's, else free",
         ),
     ] = None,
+    trust: Trust = False,
 ) -> None:
     """Write a policy for other programs, or a behaviour's automaton with the closed loop for other tools.
 
@@ -85,6 +88,8 @@ def export(
 
     if run is not None:
         require_no_input(out, Path(run))
+        if Path(run).is_dir():
+            say_imports(trust, run)
     if suffix == ".onnx":
         if baseline is not None or clock is not None:
             raise CoachableError(f"{out} holds a policy alone; leave out --baseline and --clock")

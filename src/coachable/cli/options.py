@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -60,6 +61,9 @@ BASELINE = (
     "a baseline, such as virtual-gravity or virtual-gravity:slope=-0.05 (`coachable baseline` lists them)"
 )
 """How help texts say what may stand for a baseline."""
+Trust = Annotated[
+    bool, arg(help="Import the modules that plans, runs and counterexamples from elsewhere name.")
+]
 Json = Annotated[bool, arg(help="Print the numbers as JSON, and write no file.")]
 
 
@@ -76,6 +80,20 @@ def plant_of_baseline(name: str | None) -> Plant:
 def is_baseline(name: str, plant: Plant) -> bool:
     """Whether a word names one of a plant's written controllers, with or without settings."""
     return name.partition(":")[0] in plant.controllers()
+
+
+def say_imports(trust: bool, *paths: str | Path | None, known: Collection[str] = ()) -> None:
+    """Say which modules are imported because plans, run folders and counterexamples name them.
+
+    **Arguments:** `known`, those that need not be said.
+
+    **Raises:** `PlanError` for those that something from outside of the current folder names, unless `trust`.
+    """
+    from coachable.experiments.plan import require_trusted
+
+    for path in paths:
+        if path is not None and (modules := require_trusted(path, trust, known)):
+            print(f"coachable: importing {', '.join(modules)}, as {path} says", file=sys.stderr)
 
 
 def print_json(data: object) -> None:

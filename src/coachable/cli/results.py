@@ -11,11 +11,13 @@ from tyro.conf import Positional, arg
 from coachable.cli.options import (
     Json,
     RunFolder,
+    Trust,
     output,
     print_json,
     refuse_out_with_json,
     require_folder,
     require_suffix,
+    say_imports,
 )
 from coachable.foundation.errors import CoachableError
 
@@ -29,6 +31,7 @@ def table(
         Path | None, output("DIR", "Where the table and the figures go.", otherwise="the run folder")
     ] = None,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Print a run's table; write it as Markdown, with its figures as SVG and PNG.
 
@@ -38,18 +41,25 @@ def table(
         coachable table runs/paper -o docs/results/paper
         coachable table runs/paper --json
     """
-    from coachable.analysis.figures import draw_figures
-    from coachable.analysis.measurements import measure, measure_so_far
-    from coachable.analysis.table import diverged_lanes, print_table, write_markdown
-    from coachable.experiments.run_folder.reader import open_run
-
+    say_imports(trust, run)
     if json:
         from coachable.analysis.numbers import table_numbers
+        from coachable.experiments.run_folder.reader import open_run
 
         refuse_out_with_json(out)
         print_json(table_numbers(open_run(run)))
         return
     require_folder(out)
+    show_table(run, out or run)
+
+
+def show_table(run: Path, folder: Path) -> None:
+    """Print a run's table, and write it with its figures into a folder."""
+    from coachable.analysis.figures import draw_figures
+    from coachable.analysis.measurements import measure, measure_so_far
+    from coachable.analysis.table import diverged_lanes, print_table, write_markdown
+    from coachable.experiments.run_folder.reader import open_run
+
     opened = open_run(run)
     # Of a study with claims nothing is decided before it has ended.
     looks_ahead = opened.status != "complete" and opened.baseline is None
@@ -59,7 +69,6 @@ def table(
     print_table(measured)
     for sentence in diverged_lanes(opened):
         print(sentence)
-    folder = out or run
     for path in (*draw_figures(measured, folder), write_markdown(measured, folder)):
         print(f"wrote {path}")
 
@@ -71,6 +80,7 @@ def compare(
         Path | None, output("DIR", "Where the table and the figures go.", otherwise="comparison")
     ] = None,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Lay the curves of two studies over each other, and test whether their runs differ.
 
@@ -90,6 +100,7 @@ def compare(
     if json:
         refuse_out_with_json(out)
     require_folder(out)
+    say_imports(trust, run, other)
     studies = {}
     for path in (run, other):
         opened = open_run(path)
@@ -117,6 +128,7 @@ def report(
             otherwise="report.html, in the run folder or, of several, here",
         ),
     ] = None,
+    trust: Trust = False,
 ) -> None:
     """Write one HTML page that shows what was learned: claims, curves, walkers, every seed, and the numbers.
 
@@ -135,6 +147,7 @@ def report(
     if not runs:
         raise CoachableError("give at least one RUN: coachable report runs/paper")
     format = _format(out)
+    say_imports(trust, *runs)
     from rich.console import Console
     from rich.markup import escape
 

@@ -16,6 +16,7 @@ from coachable.cli.options import (
     LaneSetup,
     PlantOfBaseline,
     SemanticsOfBaseline,
+    Trust,
     Which,
     WhichPolicy,
     is_baseline,
@@ -24,6 +25,7 @@ from coachable.cli.options import (
     plant_of_baseline,
     print_json,
     require_folder,
+    say_imports,
 )
 from coachable.foundation.errors import CoachableError
 
@@ -85,6 +87,7 @@ def verify(
     json: Annotated[
         bool, arg(help="Print JSON, whose fields are in docs/passport.md; passports are written as ever.")
     ] = False,
+    trust: Trust = False,
 ) -> None:
     """Give a walker its gait passport: does it follow, repeat itself, return, and from how far?
 
@@ -127,6 +130,7 @@ def verify(
         subjects: list[Subject | EpisodeSubject] = [baseline_subject(run, robot, semantics, clock, followed)]
         folder, beside = out, None
     else:
+        say_imports(trust, run)
         subjects, beside = _subjects(run, setup, seed, which, baseline, every=all)
         folder = out or Path(run) / "passports"
     passports = _verified(subjects, level, folder, beside, certify=certify, resume=all)

@@ -18,6 +18,7 @@ from coachable.cli.options import (
     RunFolder,
     Semantics,
     SemanticsOfBaseline,
+    Trust,
     Which,
     WhichPolicy,
     is_baseline,
@@ -28,6 +29,7 @@ from coachable.cli.options import (
     refuse_out_with_json,
     require_folder,
     require_no_input,
+    say_imports,
 )
 from coachable.foundation.data import real_number, whole_number
 from coachable.foundation.errors import PlanError
@@ -58,6 +60,7 @@ def watch(
     plant: PlantOfBaseline = None,
     behaviour: BehaviourOfBaseline = None,
     semantics: SemanticsOfBaseline = "paper",
+    trust: Trust = False,
 ) -> None:
     """Draw a walk: the robot on the ground, its phase in colour.
 
@@ -81,6 +84,8 @@ def watch(
     of_baseline = is_baseline(run, robot)
     if (of_baseline or run.endswith(".json")) and (setup is not None or seed is not None):
         raise PlanError(f"--setup and --seed name a lane of a run, but {run} is given; leave them out")
+    if not of_baseline:
+        say_imports(trust, run)
     if of_baseline:
         walks = [walk_of_baseline(run, semantics, seconds, robot, _described(behaviour))]
         who = walks[0].title
@@ -178,6 +183,7 @@ def record(
     seed: LaneSeed = None,
     which: WhichPolicy = "last",
     episode: Annotated[int, arg(metavar="N", help="Which of its evaluation episodes.")] = 0,
+    trust: Trust = False,
 ) -> None:
     """Record a trained robot's signals while it moves: a column each, for `coachable explain`.
 
@@ -196,6 +202,7 @@ def record(
     whole_number(episode, "the episode, counted from 0,", PlanError, 0, 10**6)
     require_trace_file(out)
     require_no_input(out, run)
+    say_imports(trust, run)
     opened = Run.open(run)
     setup = opened.experiment.setups[0].name if setup is None else setup
     seed = opened.experiment.first_seed if seed is None else seed
@@ -214,6 +221,7 @@ def gait(
         Path | None, output("DIR", "Where the table and the diagram go.", otherwise="the run folder")
     ] = None,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Measure which gaits came out of a training: do they walk, run, gallop, or hop on one foot?
 
@@ -239,6 +247,7 @@ def gait(
     if json:
         refuse_out_with_json(out)
     require_folder(out)
+    say_imports(trust, run)
     opened = Run.open(run)
     with walkers_progress("gait", len(opened.lanes)) as advance:
         surveyed = survey(opened, episodes, which, advance)

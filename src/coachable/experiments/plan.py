@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module, resources
@@ -18,7 +18,7 @@ from coachable.experiments.experiment import Experiment
 from coachable.experiments.trainers.ppo import PPO
 from coachable.experiments.trainers.stable_baselines3 import Algorithm, StableBaselines3
 from coachable.experiments.trainers.trainer import Trainer
-from coachable.foundation.data import parse_toml, real_number, structure_given
+from coachable.foundation.data import parse_json, parse_toml, real_number, structure_given
 from coachable.foundation.errors import CoachableError, ParameterError, PlanError
 from coachable.foundation.files import read_text
 from coachable.foundation.suggestion import suggestion
@@ -39,7 +39,7 @@ _CHOICES = {
 }
 _SHIPPED = resources.files("coachable.experiments") / "plans"
 _SHIPPED_SETTINGS = resources.files("coachable.experiments") / "settings"
-_MODULE = re.compile(r"([A-Za-z_][A-Za-z0-9_.]*):[A-Za-z_]")
+_NAMES_NO_MODULE = ("name", "behaviour", "env_options")
 _ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
 
 
@@ -100,8 +100,8 @@ def shipped_settings() -> list[str]:
     return _names(_SHIPPED_SETTINGS)
 
 
-def modules_named(data: Any) -> tuple[str, ...]:
-    """The modules that a plan's tables name as `module:name`, and that resolving it imports."""
+def modules_named(data: Mapping[str, Any]) -> tuple[str, ...]:
+    """The modules that a file's tables name as `module:name`, and that reading it may import."""
     found: dict[str, None] = {}
 
     def look(value: Any) -> None:
@@ -111,26 +111,53 @@ def modules_named(data: Any) -> tuple[str, ...]:
         elif isinstance(value, list | tuple):
             for each in value:
                 look(each)
-        elif isinstance(value, str) and (match := _MODULE.match(value)):
-            found[match[1]] = None
+        elif isinstance(value, str) and (module := value.partition(":"))[1] and module[0]:
+            found[module[0]] = None  # any name of a file may be a module's
 
-    look({key: value for key, value in data.items() if key not in ("name", "behaviour")})
+    look({key: value for key, value in data.items() if key not in _NAMES_NO_MODULE})
     return tuple(name for name in found if name.partition(".")[0] != "coachable")
 
 
-def require_trusted(name_or_path: str | Path) -> tuple[str, ...]:
-    """The modules that a plan's file names, if it lies in the current folder or below it.
+def modules_to_import(name_or_path: str | Path) -> tuple[str, ...]:
+    """The modules that a plan's file, a run folder, or a counterexample's file names.
 
-    **Raises:** `PlanError` for a file from elsewhere that names modules: importing them runs their code.
+    None for what cannot be read, which is refused where it is used.
     """
-    path = Path(name_or_path)
-    if not path.is_file():
-        return ()
-    modules = modules_named(parse_toml(read_text(path, error=PlanError), str(path), PlanError))
-    if modules and not path.resolve().is_relative_to(Path.cwd().resolve()):
+    path, plan, named = Path(name_or_path), Path(name_or_path), ()
+    if path.is_dir():
+        plan = path / "plan.toml"
+    elif path.suffix == ".json":
+        counterexample = _tables(path, parse_json)
+        named = modules_named({"plant": counterexample.get("plant_class")})
+        if "environment" not in counterexample:
+            return named
+        plan = path.resolve().parent.parent / "plan.toml"  # of its run, in which it is simulated anew
+    return modules_named(_tables(plan, parse_toml))
+
+
+def _tables(path: Path, parse: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+    try:
+        return parse(read_text(path, error=PlanError), str(path), PlanError)
+    except PlanError:
+        return {}
+
+
+def require_trusted(
+    name_or_path: str | Path, trusted: bool = False, known: Collection[str] = ()
+) -> tuple[str, ...]:
+    """The modules that would be imported for a plan's file, a run folder, or a counterexample's file.
+
+    **Arguments:** `trusted`, whether it may import whatever it names; `known`, modules that are named
+    elsewhere, too.
+
+    **Raises:** `PlanError` for another one from outside of the current folder: importing them runs their
+    code.
+    """
+    modules = tuple(name for name in modules_to_import(name_or_path) if name not in known)
+    if modules and not trusted and not Path(name_or_path).resolve().is_relative_to(Path.cwd().resolve()):
         raise PlanError(
-            f"{path} lies outside of the current folder and would run code of yours or of others: it names "
-            f"{', '.join(modules)}. Read it, and give --trust if it may import that"
+            f"{name_or_path} lies outside of the current folder and would run code of yours or of others: it "
+            f"names {', '.join(modules)}. Read it, and give --trust if it may import that"
         )
     return modules
 
@@ -324,12 +351,12 @@ def _trainer(name: str, given: Mapping[str, Any], sources: str) -> Trainer:
         raise PlanError(f"{sources}: trainer = {name!r}: {hint}, or MODULE:CLASS for one of your own")
     try:
         kind = getattr(import_module(module), attribute)
-        trainer = kind(**settings)
+        # Nothing else is called, for a plan's settings could make anything of `subprocess:Popen`.
+        if not (isinstance(kind, type) and issubclass(kind, Trainer)):
+            raise PlanError(f"{sources}: trainer = {name!r} is no Trainer; see docs/extending.md")
+        return kind(**settings)
     except (ImportError, AttributeError, TypeError) as error:
         raise PlanError(f"{sources}: trainer = {name!r} cannot be made: {error}") from None
-    if not isinstance(trainer, Trainer):
-        raise PlanError(f"{sources}: trainer = {name!r} is no Trainer; see docs/extending.md")
-    return trainer
 
 
 def _setups(kind: type[Setup], value: Any, source: str, below: tuple[Setup, ...]) -> tuple[Setup, ...]:

@@ -26,6 +26,7 @@ from coachable.experiments.run_folder.writer import RunFolder
 from coachable.experiments.trainers.trainer import TrainedLanes, Work
 from coachable.foundation.data import whole_number
 from coachable.foundation.errors import MissingExtraError, PlanError
+from coachable.foundation.stopping import Interruptible
 
 SECONDS_BETWEEN_TABLES = 30.0
 MOST_TIME_FOR_TABLES = 0.02
@@ -136,20 +137,21 @@ def _train(work: Work, report: Report) -> None:
             took = time.monotonic() - began  # long where checkpoints hold replay buffers
             next_tables = began + took + max(SECONDS_BETWEEN_TABLES, took / MOST_TIME_FOR_TABLES)
 
-    try:
-        report(_status("training", experiment, lanes))
-        train(watch)
-        report(_status("writing", experiment, lanes))
-        write_logs(folder, experiment, lanes)
-        write_policies(folder, lanes)
-        write_trajectories(folder, experiment, lanes)
-        folder.complete(schemas(experiment.problem))
-    except BaseException:
-        for some in lanes:
-            some.save()
-        folder.write_manifest("interrupted")
-        write_logs(folder, experiment, lanes)
-        raise
+    with Interruptible():
+        try:
+            report(_status("training", experiment, lanes))
+            train(watch)
+            report(_status("writing", experiment, lanes))
+            write_logs(folder, experiment, lanes)
+            write_policies(folder, lanes)
+            write_trajectories(folder, experiment, lanes)
+            folder.complete(schemas(experiment.problem))
+        except BaseException:
+            for some in lanes:
+                some.save()
+            folder.write_manifest("interrupted")
+            write_logs(folder, experiment, lanes)
+            raise
 
 
 def _status(doing: str, experiment: Experiment, lanes: Sequence[TrainedLanes]) -> Status:

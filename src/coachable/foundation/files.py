@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from coachable.foundation.errors import Raises, RunFolderError
+from coachable.foundation.stopping import Interruptible
 
 MOST_BYTES = 1 << 30
 """Of a file that is read whole: policies and tables are smaller, and what is larger fills the memory."""
@@ -31,20 +32,21 @@ def written_beside(path: Path) -> Iterator[Path]:
     that is neither a file nor a link to one.
     """
     beside = path.with_name(f".{os.getpid()}-{secrets.token_hex(6)}.part")
-    try:
-        _require_replaceable(path)
-        os.close(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
-        yield beside
-        _flush(beside)
-        os.replace(beside, path)
-    except BaseException as error:
-        with contextlib.suppress(OSError):
-            beside.unlink(missing_ok=True)
-        # The system names the file beside it or, where the disk is full, no file at all.
-        if isinstance(error, OSError) and error.filename in (None, str(beside)):
-            strerror = error.strerror or str(error).partition("\n")[0]
-            raise OSError(error.errno or errno.EIO, strerror, str(path)) from None
-        raise
+    with Interruptible():  # or else a stopped program would leave the file beside
+        try:
+            _require_replaceable(path)
+            os.close(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+            yield beside
+            _flush(beside)
+            os.replace(beside, path)
+        except BaseException as error:
+            with contextlib.suppress(OSError):
+                beside.unlink(missing_ok=True)
+            # The system names the file beside it or, where the disk is full, no file at all.
+            if isinstance(error, OSError) and error.filename in (None, str(beside)):
+                strerror = error.strerror or str(error).partition("\n")[0]
+                raise OSError(error.errno or errno.EIO, strerror, str(path)) from None
+            raise
     _flush_folder(path.parent)
 
 

@@ -24,7 +24,7 @@ from coachable.behaviours import (
     holds,
     load_behaviour,
 )
-from coachable.behaviours.checking import partition
+from coachable.behaviours.checking import boxes, partition
 from coachable.behaviours.checking.checker import check
 from coachable.behaviours.checking.findings import Proven
 from coachable.behaviours.expressions import Arithmetic, Call
@@ -451,8 +451,8 @@ def test_bounds_are_apart_only_where_the_solver_finds_no_state(first, second):
     text = f'behaviour "b"\n\nsignals\n  x [m] a\n  y [m] b\n\nphases\n  A: {first}\n  B: {second}\n'
     behaviour = parse(text)
     one, other = (phase.predicate for phase in behaviour.phases)
-    apart = partition._apart(partition._box(one), partition._box(other))
+    is_apart = boxes.apart(boxes.box_of(one), boxes.box_of(other))
     meets = partition.witness(behaviour.signal_names, one, other) is not False
-    assert not (apart and meets)
+    assert not (is_apart and meets)
     if "x" in second and first != "x > 2, x < 1":
-        assert apart != meets
+        assert is_apart != meets

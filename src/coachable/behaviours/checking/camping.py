@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator
 
 from coachable.behaviours.behaviour import Behaviour, Phase
+from coachable.behaviours.checking.boxes import apart, box_of
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
 from coachable.behaviours.checking.solver import Witness, witness
 from coachable.behaviours.predicates import All, Any, Comparison, Not, Predicate, holds
@@ -27,9 +28,11 @@ def camping(behaviour: Behaviour) -> Iterator[Result]:
         return
     standing = All(*(Comparison(name, relation, 0) for name in speeds for relation in ("<=", ">=")))
     nowhere = True
+    boxes = [box_of(phase.predicate) for phase in behaviour.phases]
     for index, phase in enumerate(behaviour.phases):
         # Once in a phase, its deadbands keep the robot there; without them, an earlier phase would count.
-        earlier: Predicate = Any(*(other.predicate for other in behaviour.phases[:index]))
+        before = zip(behaviour.phases[:index], boxes, strict=False)
+        earlier: Predicate = Any(*(one.predicate for one, box in before if not apart(box, boxes[index])))
         stays = widened(phase.predicate)
         inside = All(phase.predicate, Not(earlier))
         match witness(behaviour.signal_names, standing, inside):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from coachable.behaviours.behaviour import Behaviour
@@ -13,6 +13,9 @@ from coachable.behaviours.rewriting import conjuncts, expanded
 from coachable.behaviours.tree import walk
 
 _MOST_CELLS = 1024
+
+Cell = tuple[bool, ...]
+"""For each cut, on which side of it."""
 
 
 @dataclass(frozen=True)
@@ -41,18 +44,21 @@ def cells_of(behaviour: Behaviour) -> Cells | None:
     if not all(is_affine(side, with_corners=True) for side in sides):
         return None
     cuts: dict[object, Comparison] = {}
-    for comparison in comparisons:
-        cut, upper = cut_of(comparison, behaviour.signal_names)
+    located: dict[Comparison, tuple[object, bool]] = {}
+    for comparison in dict.fromkeys(comparisons):
+        cut, upper = located[comparison] = cut_of(comparison, behaviour.signal_names)
         plain = Comparison(comparison.left, comparison.relation, comparison.right)
         cuts.setdefault(cut, plain if upper else _opposite(plain))
     found = cells(behaviour.signal_names, tuple(cuts.values()), _MOST_CELLS)
     if found is None:
         return None
-    located = [dict(zip(cuts, cell, strict=True)) for cell in found]
+    place = {cut: number for number, cut in enumerate(cuts)}
+    sided = {comparison: (place[cut], upper) for comparison, (cut, upper) in located.items()}
+    tests = [_test(rule, sided) for rule in rules]
     outside = tuple(
-        tuple(cuts[cut] if upper else _opposite(cuts[cut]) for cut, upper in cell.items())
-        for cell in located
-        if not any(_holds(rule, cell, behaviour.signal_names) for rule in rules)
+        tuple(cut if upper else _opposite(cut) for cut, upper in zip(cuts.values(), cell, strict=True))
+        for cell in found
+        if not any(test(cell) for test in tests)
     )
     return Cells(len(found), outside, _are_signs(tuple(cuts.values())))
 
@@ -70,16 +76,18 @@ def _are_signs(cuts: Sequence[Comparison]) -> bool:
     )
 
 
-def _holds(predicate: Predicate, cell: Mapping[object, bool], signals: Sequence[str]) -> bool:
+def _test(predicate: Predicate, sided: Mapping[Comparison, tuple[int, bool]]) -> Callable[[Cell], bool]:
+    """Whether a predicate holds in a cell, with the cuts of its comparisons looked up once for all cells."""
     match predicate:
         case Comparison():
-            cut, upper = cut_of(predicate, signals)
-            return cell[cut] == upper
+            place, upper = sided[predicate]
+            return lambda cell: cell[place] == upper
         case Not(part):
-            return not _holds(part, cell, signals)
-        case All(parts=parts):
-            return all(_holds(part, cell, signals) for part in parts)
-        case Any(parts=parts):
-            return any(_holds(part, cell, signals) for part in parts)
+            test = _test(part, sided)
+            return lambda cell: not test(cell)
+        case All(parts=parts) | Any(parts=parts):
+            tests = [_test(part, sided) for part in parts]
+            holds = all if isinstance(predicate, All) else any
+            return lambda cell: holds(test(cell) for test in tests)
         case other:
             raise TypeError(f"{other!r} is not expanded")

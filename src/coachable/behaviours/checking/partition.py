@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from coachable.behaviours.behaviour import Behaviour, Phase
+from coachable.behaviours.checking.boxes import is_in_the_middle, pairs_not_apart
 from coachable.behaviours.checking.cells import Cells, cells_of
 from coachable.behaviours.checking.findings import Finding, Proven, Result, Subject, Unknown
 from coachable.behaviours.checking.solver import conflict, essence, refuted, witness
-from coachable.behaviours.expressions import Number, Variable
-from coachable.behaviours.predicates import Any, Comparison, Not, Predicate
-from coachable.behaviours.rewriting import conjuncts, expanded
+from coachable.behaviours.predicates import Any, Not, Predicate
+from coachable.behaviours.rewriting import conjuncts
 
 _LISTED, _SHORT = 3, 5
 """The number of cells in a list, and the most comparisons of a cell in a list of more than one."""
@@ -21,6 +19,8 @@ _LISTED, _SHORT = 3, 5
 def empty_phases(behaviour: Behaviour) -> Iterator[Result]:
     """Phases that hold nowhere."""
     for phase in behaviour.phases:
+        if is_in_the_middle(phase.predicate):
+            continue  # most of many phases: the solver takes a thousand times as long
         match witness(behaviour.signal_names, phase.predicate):
             case False:
                 culprits = conflict(behaviour.signal_names, conjuncts(phase.predicate))
@@ -48,10 +48,7 @@ def _listed(words: Sequence[str]) -> str:
 def overlaps(behaviour: Behaviour) -> Iterator[Result]:
     """Pairs of phases that hold at one state."""
     disjoint = True
-    boxes = {phase.name: _box(phase.predicate) for phase in behaviour.phases}
-    for first, second in itertools.combinations(behaviour.phases, 2):
-        if _apart(boxes[first.name], boxes[second.name]):
-            continue  # most pairs of many phases: the solver takes a thousand times as long
+    for first, second in pairs_not_apart(behaviour.phases):
         match witness(behaviour.signal_names, first.predicate, second.predicate):
             case False:
                 continue
@@ -62,37 +59,6 @@ def overlaps(behaviour: Behaviour) -> Iterator[Result]:
         disjoint = False
     if disjoint and len(behaviour.phases) > 1:
         yield Proven("pairwise disjoint")
-
-
-_Box = Mapping[str, tuple[tuple[float, bool], tuple[float, bool]]]
-"""For each signal that is bounded, its least and greatest value, each with whether it is excluded."""
-
-
-def _box(predicate: Predicate) -> _Box:
-    """What the comparisons of a phase that are joined by "and" allow at most."""
-    box: dict[str, tuple[tuple[float, bool], tuple[float, bool]]] = {}
-    for part in conjuncts(expanded(predicate)):
-        match part:
-            case Comparison(Variable(signal), relation, Number(value), None):
-                low, high = box.get(signal, ((-math.inf, False), (math.inf, False)))
-                bound = (value, relation in "<>")
-                if relation in (">", ">="):
-                    box[signal] = max(low, bound), high
-                elif relation in ("<", "<="):
-                    box[signal] = low, min(high, bound, key=lambda one: (one[0], not one[1]))
-    return box
-
-
-def _apart(box: _Box, other: _Box) -> bool:
-    """Whether no state is in both boxes, by one of their signals."""
-
-    def ends_before(high: tuple[float, bool], low: tuple[float, bool]) -> bool:
-        return high[0] < low[0] or (high[0] == low[0] and (high[1] or low[1]))
-
-    return any(
-        ends_before(box[signal][1], other[signal][0]) or ends_before(other[signal][1], box[signal][0])
-        for signal in box.keys() & other.keys()
-    )
 
 
 def _overlap(behaviour: Behaviour, first: Phase, second: Phase, state: Mapping[str, float]) -> Finding:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from coachable.behaviours.behaviour import Behaviour, Edge
+from coachable.behaviours.checking.boxes import is_in_the_middle
 from coachable.behaviours.checking.solver import Question, State, is_affine, refuted, without_corners
 from coachable.behaviours.expressions import (
     Arithmetic,
@@ -126,7 +127,7 @@ class Regions:
 
         @functools.cache
         def refuted_here(predicate: Predicate) -> bool | None:
-            return refuted(behaviour.signal_names, predicate)
+            return False if is_in_the_middle(predicate) else refuted(behaviour.signal_names, predicate)
 
         @functools.cache
         def region_of(predicate: Predicate) -> Region:

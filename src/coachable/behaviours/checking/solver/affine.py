@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from typing import NamedTuple
 
 from coachable.behaviours.expressions import (
     Arithmetic,
@@ -16,7 +18,7 @@ from coachable.behaviours.expressions import (
     Variable,
     evaluate,
 )
-from coachable.behaviours.predicates import Comparison
+from coachable.behaviours.predicates import Comparison, Predicate
 from coachable.behaviours.tree import fold, walk
 
 Affine = tuple[dict[str, Fraction], Fraction]
@@ -113,3 +115,52 @@ def cut_of(comparison: Comparison, signals: Sequence[str]) -> tuple[object, bool
     # The plane itself is on one of its sides: > and <= leave it below, >= and < above.
     plane_is_below = (comparison.relation in (">", "<")) == upwards
     return (plane, plane_is_below), upwards
+
+
+class Bound(NamedTuple):
+    """A comparison that bounds a single signal."""
+
+    signal: str
+    upwards: bool
+    """Whether it holds from its place on, or up to there."""
+    place: tuple[Fraction, bool]
+    """A number, and whether the place is just beyond it: `x > 1` and `x <= 1` have their place beyond 1."""
+
+
+def bound_of(predicate: Predicate) -> Bound | None:
+    """A predicate as a bound; `None` for one that is not an affine comparison of one signal."""
+    if not (isinstance(predicate, Comparison) and is_affine(predicate.left) and is_affine(predicate.right)):
+        return None
+    multiples, number = affine(Arithmetic(predicate.left, "-", predicate.right))
+    used = [(signal, multiple) for signal, multiple in multiples.items() if multiple]
+    if len(used) != 1:
+        return None
+    signal, multiple = used[0]
+    upwards = (predicate.relation in (">", ">=")) == (multiple > 0)
+    return Bound(signal, upwards, (-number / multiple, (predicate.relation in "<>") == upwards))
+
+
+def tightest(predicates: Sequence[Predicate]) -> list[Predicate]:
+    """The predicates without the bounds of signals that a tighter one among them implies."""
+    best: dict[tuple[str, bool], tuple[tuple[Fraction, bool], int]] = {}
+    implied = set()
+    for number, predicate in enumerate(predicates):
+        if (bound := bound_of(predicate)) is None:
+            continue
+        place, other = best.get(bound[:2], (bound.place, number))
+        if place != bound.place and (bound.place > place) == bound.upwards:
+            place, other, number = bound.place, number, other
+        best[bound[:2]] = place, other
+        if number != other:
+            implied.add(number)
+    return [predicate for number, predicate in enumerate(predicates) if number not in implied]
+
+
+def cells_of_bounds(bounds: Sequence[Bound]) -> Iterator[tuple[bool, ...]]:
+    """For which sides of different bounds there is a state: the products of the intervals of the signals."""
+    along: dict[str, list[int]] = {}
+    for number in sorted(range(len(bounds)), key=lambda number: bounds[number].place):
+        along.setdefault(bounds[number].signal, []).append(number)
+    for passed in itertools.product(*(range(len(numbers) + 1) for numbers in along.values())):
+        beyond = {one for numbers, many in zip(along.values(), passed, strict=True) for one in numbers[:many]}
+        yield tuple((number in beyond) == bound.upwards for number, bound in enumerate(bounds))

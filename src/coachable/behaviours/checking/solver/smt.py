@@ -6,16 +6,17 @@ becomes a witness only once `holds` has confirmed it in floats.
 
 from __future__ import annotations
 
+import itertools
 import math
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 
 import z3
 
 from coachable.behaviours.behaviour import Assignment
 from coachable.behaviours.checking.solver import sines
-from coachable.behaviours.checking.solver.affine import nearest_float
+from coachable.behaviours.checking.solver.affine import bound_of, cells_of_bounds, nearest_float, tightest
 from coachable.behaviours.checking.solver.encoding import Encoding, Formula, Real, State, Witness
 from coachable.behaviours.checking.solver.kinematics import Decision, by_a_hair, decide
 from coachable.behaviours.expressions import Expression
@@ -32,6 +33,14 @@ _PATIENCE = 4
 _ROUNDS = 10
 """The number of refuted models after which a question is given up."""
 _FRIENDLY = tuple(map(Fraction, ("0.1", "-0.1", "1", "-1", "0", "0.5", "-0.5", "2", "-2")))
+
+
+def _limited(kind: Callable[[], z3.Solver]) -> z3.Solver:
+    """A solver with limited effort, which leaves Ctrl-C to Python: its own handler ends but one answer."""
+    solver = kind()
+    solver.set("rlimit", _EFFORT)
+    solver.set("ctrl_c", False)
+    return solver
 
 
 class Question:
@@ -133,8 +142,7 @@ class Question:
         """Whether the requirements contradict each other whatever numbers sines and cosines are."""
         if not self._encoding.sines:
             return False
-        solver = z3.SimpleSolver()
-        solver.set("rlimit", _EFFORT)
+        solver = _limited(z3.SimpleSolver)
         solver.set("timeout", _LONGEST)
         solver.add(*self._required)
         return solver.check() == z3.unsat
@@ -166,8 +174,7 @@ class Question:
         for new_solver in (z3.SimpleSolver, z3.Solver):
             if self._given_up >= 2 * _PATIENCE:
                 break
-            solver = new_solver()
-            solver.set("rlimit", _EFFORT)
+            solver = _limited(new_solver)
             solver.set("timeout", _LONGEST)
             solver.add(*facts)
             answer = solver.check()
@@ -282,8 +289,8 @@ def conflict(signals: Sequence[str], predicates: Sequence[Predicate]) -> tuple[P
 
 def essence(signals: Sequence[str], predicates: Sequence[Predicate]) -> tuple[Predicate, ...]:
     """The predicates without those that follow from the rest."""
-    kept = list(predicates)
-    for predicate in reversed(predicates):
+    kept = tightest(predicates)
+    for predicate in reversed(kept[:]):
         fewer = [other for other in kept if other is not predicate]
         if refuted(signals, *fewer, Not(predicate)):
             kept = fewer
@@ -293,13 +300,16 @@ def essence(signals: Sequence[str], predicates: Sequence[Predicate]) -> tuple[Pr
 def cells(signals: Sequence[str], cuts: Sequence[Comparison], most: int) -> list[tuple[bool, ...]] | None:
     """For which sides of the cuts there is a state; `None` for more than `most`, or if the solver gives up.
 
-    The cuts are comparisons of sums of multiples of signals.
+    The cuts are comparisons of sums of multiples of signals, all different.
     """
+    bounds = [bound for cut in cuts if (bound := bound_of(cut)) is not None]
+    if len(bounds) == len(cuts):
+        of_bounds = list(itertools.islice(cells_of_bounds(bounds), most + 1))
+        return sorted(of_bounds, reverse=True) if len(of_bounds) <= most else None
     encoding = Encoding(signals)
     state = encoding.state()
     facts = [encoding.truth(cut, state) for cut in cuts]
-    solver = z3.SimpleSolver()
-    solver.set("rlimit", _EFFORT)
+    solver = _limited(z3.SimpleSolver)
     found: list[tuple[bool, ...]] = []
 
     def search(sides: tuple[bool, ...]) -> bool:
