@@ -23,21 +23,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
         run(list(arguments))
         return
-    leave, last_words = None, "Stopped."
+    leave = None
     try:
         arguments = sys.argv[1:]
-        last_words = _last_words(arguments)
         # All that takes time to import comes here, and most of it after signals are handled.
         from coachable.foundation.stopping import leave_on_signals
 
-        leave = leave_on_signals(last_words)
+        leave = leave_on_signals(_last_words(arguments))
         from coachable.cli.commands import run
 
         run(arguments)
     except KeyboardInterrupt:
         if leave is not None:
             leave()
-        os.write(2, f"{last_words}\n".encode(errors="replace"))
+        os.write(2, f"{_last_words(sys.argv[1:])}\n".encode(errors="replace"))
         os._exit(130)
 
 
