@@ -172,6 +172,8 @@ def test_dwell_times_are_kept_by_the_environments_clock():
     assert verdict(-1.0) == set()
     assert verdict(-1.0) == {"follows"}
     assert verdict(1.0) == {"too_short"}
+    # After an absence of one sample the stay would go on.
+    assert verdict(0.0) == set()
     assert verdict(-1.0) == {"follows"}
     assert [verdict(0.0) for _ in range(6)] == [{"follows"}] * 4 + [{"too_long"}] * 2
     assert wrapped(dt=0.1).behaviour_reward.dt == 0.1
