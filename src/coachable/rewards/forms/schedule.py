@@ -91,7 +91,7 @@ class BoundSchedule(BoundForm):
     """The expected run of a behaviour."""
 
     form: Schedule
-    dt: int | float
+    dt: int | float = 0.0
 
     def init(self, location: Int[Any, "*batch"], zero: Float[Any, "*batch"]) -> Expected:
         """In the phase in which a run begins, if it is one that an expected run begins with."""
