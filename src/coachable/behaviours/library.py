@@ -16,6 +16,7 @@ SHIPPED = (
     "compass-walking",
     "compass-walking-five-phases",
     "compass-walking-released",
+    "compass-walking-timed",
     "hop",
     "perry-gait",
     "squat-and-stand",

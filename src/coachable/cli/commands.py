@@ -28,6 +28,7 @@ COMMANDS = {
     "check": descriptions.check,
     "format": descriptions.format,
     "draw": descriptions.draw,
+    "limits": descriptions.limits,
     "diff": descriptions.diff,
     "explain": descriptions.explain,
     "export": exports.export,

@@ -9,13 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from coachable.cli.options import (
+    BASELINE,
     BehaviourName,
     LaneSeed,
     LaneSetup,
+    PlantOfBaseline,
     Trust,
     WhichPolicy,
     option,
     output,
+    plant_of_baseline,
     print_json,
     require_no_input,
     require_suffix,
@@ -190,6 +193,76 @@ def draw(
     else:
         write_atomic(out, text)
     print(f"{out}: {described.name}")
+
+
+def limits(
+    behaviour: BehaviourName,
+    trace: Annotated[
+        Positional[Path | None],
+        arg(
+            metavar="TRACE",
+            help="A recorded motion as it should be, as explain takes it.",
+            help_behavior_hint="(default: the walk of --baseline)",
+        ),
+    ] = None,
+    baseline: Annotated[str | None, option("BASELINE", f"Measure {BASELINE}.")] = None,
+    plant: PlantOfBaseline = None,
+    dt: Annotated[
+        float | None, option("SECONDS", "Time between two rows.", otherwise="the column t or time")
+    ] = None,
+    quantile: Annotated[float, arg(metavar="SHARE", help="The share of stays that have enough time.")] = 0.9,
+    slack: Annotated[float, arg(metavar="FACTOR", help="How much more time than that is left.")] = 1.0,
+    out: Annotated[
+        Path | None, output("FILE", "x.behaviour, the description with the limits.", otherwise="not written")
+    ] = None,
+    json: Annotated[bool, arg(help="Print JSON.")] = False,
+) -> None:
+    """Propose how long each phase may last, from a motion that follows the description.
+
+    The reward form `schedule` needs a limit for every phase on a cycle. For example:
+
+        coachable limits compass-walking --baseline virtual-gravity
+        coachable limits mine.behaviour walk.csv --slack 1.25 -o timed.behaviour
+    """
+    import numpy as np
+
+    from coachable.automata.limits import limits as proposed
+    from coachable.automata.limits import with_limits
+    from coachable.automata.trace_file import read_trace
+    from coachable.behaviours.library import find_behaviour, load_behaviour
+    from coachable.behaviours.text.document import read_document
+    from coachable.behaviours.text.formatter import formatted
+    from coachable.foundation.files import write_atomic
+
+    if (trace is None) == (baseline is None):
+        raise CoachableError("give a TRACE or --baseline, and not both: limits are measured from a motion")
+    if out is not None:
+        require_suffix(out, (".behaviour",))
+    file = find_behaviour(behaviour)
+    require_no_input(out, file, *([] if trace is None else [trace]))
+    described = load_behaviour(behaviour)
+    if trace is not None:
+        parts = read_trace(trace, described.signals, dt)
+    else:
+        from coachable.automata.trace import Trace
+        from coachable.envs.baselines import baseline as walk
+
+        steps = walk(str(baseline), plant=plant_of_baseline(plant), behaviour=described).trajectory
+        parts = [Trace(steps.time, described.signals, steps.states)]
+    found = proposed(described, parts, quantile, slack)
+    if json:
+        print_json({limit.phase: {"stays": limit.stays.tolist(), "limit": limit.seconds} for limit in found})
+    else:
+        width = max(len("phase"), *(len(limit.phase) for limit in found))
+        print(f"{'phase':<{width}}  whole stays   median  longest    limit [s]")
+        for limit in found:
+            times = (*np.quantile(limit.stays, (0.5, 1)), limit.seconds) if len(limit.stays) else ()
+            columns = "".join(f"{time:>9.3f}" for time in times) or "        –" * 3
+            print(f"{limit.phase:<{width}}  {len(limit.stays):>11,}{columns}")
+    if out is not None:
+        text = with_limits(read_document(file), {limit.phase: limit.seconds for limit in found})
+        write_atomic(out, formatted(text, str(out)))
+        print(f"{out}: {described.name}", file=sys.stderr)
 
 
 def diff(
