@@ -118,7 +118,18 @@ def test_an_output_is_the_same_option_in_every_command(name, capsys):
 
 
 def test_commands_that_print_numbers_print_json_too():
-    printing = {"table", "compare", "gait", "baseline", "verify", "check", "diff", "explain", "limits"}
+    printing = {
+        "table",
+        "compare",
+        "gait",
+        "baseline",
+        "verify",
+        "check",
+        "diff",
+        "explain",
+        "limits",
+        "audit",
+    }
     assert printing == {
         name for name, command in cli.COMMANDS.items() if "json" in inspect.signature(command).parameters
     }

@@ -48,12 +48,13 @@ def limits(
     if real_number(slack, "slack", ParameterError) <= 0:
         raise ParameterError(f"slack is {slack!r}; it must be positive")
     tracker, times, locations = Tracker.of(behaviour), [], []
-    previous = tracker.none_yet
+    previous, held = tracker.none_yet, None
     for part in parts:
         if len(part.time):
-            locations.append(tracker.along(part.values, previous))
+            there, held = tracker.along_with(part.values, previous, held)
+            locations.append(there)
             times.append(part.time)
-            previous = int(locations[-1][-1])
+            previous = int(there[-1])
     if not times:
         raise ParameterError("the trace has no samples")
     stays = _whole_stays(np.concatenate(times), np.concatenate(locations))

@@ -101,13 +101,13 @@ class Tracker:
     def initial(self, signals: Float[Any, "*batch num_signals"]) -> Memory:
         """The initial memory, before the first sample, for signals of this shape and dtype."""
         location = self.classifier(signals)
-        return self._fresh(signals, location * 0 + self.none_yet, self.latches.none(location))
+        return self.begun(location * 0 + self.none_yet, _zero(signals), self.latches.none(location))
 
     def start(self, signals: Float[Any, "*batch num_signals"]) -> Memory:
         """The memory after a first sample: a phase, whose entry was not observed."""
         location = self.classifier(signals)
         held = self.latches.after(self.latches.none(location), self.classifier.by_name(signals))
-        return self._fresh(signals, location, held)
+        return self.begun(location, _zero(signals), held)
 
     def advance(
         self, memory: Memory, signals: Float[Any, "*batch num_signals"], dt: Float[Any, "..."] | float
@@ -117,11 +117,17 @@ class Tracker:
         **Arguments:** `memory`, from the last sample; `signals`, as the classifier takes them; `dt`, the
         time between the two samples [s].
         """
+        location, held = self._located(signals, memory.location, memory.held)
+        return self.moved(memory, location, dt, held)
+
+    def moved(
+        self, memory: Memory, location: Int[Any, "*batch"], dt: Float[Any, "..."] | float, held: Held = ()
+    ) -> tuple[Memory, Move]:
+        """The same for a run that is at a location after the sample, whatever its signals are."""
         previous = memory.location
-        location, held = self._located(signals, previous, memory.held)
         if not self.has_dwells:
             return Memory(location, held=held), Move(previous, location)
-        where = array_library(signals).where
+        where = array_library(location).where
         tolerance = CLOCK_TOLERANCE * dt
         too_short = too_long = location != location
         stays = []
@@ -211,15 +217,13 @@ class Tracker:
             sample = out + 1
         return location, tuple(bool(column[-1]) for column in columns) if count else held
 
-    def _fresh(
-        self, signals: Float[Any, "*batch num_signals"], location: Int[Any, "*batch"], held: Held
-    ) -> Memory:
+    def begun(self, location: Int[Any, "*batch"], zero: Float[Any, "*batch"], held: Held = ()) -> Memory:
+        """The memory of runs that begin at locations, whatever their signals are; `zero` in their dtype."""
         if not self.has_dwells:
             return Memory(location, held=held)
-        zero, no = array_library(signals).zeros_like(signals[..., 0]), location != location
+        no, where = location != location, array_library(zero).where
         stays = [
-            Stay(zero, no, array_library(signals).where(location == index, zero, zero + math.inf))
-            for index, _ in self._limited
+            Stay(zero, no, where(location == index, zero, zero + math.inf)) for index, _ in self._limited
         ]
         return Memory(location, tuple(stays), held)
 
@@ -227,6 +231,10 @@ class Tracker:
     def _limited(self) -> list[tuple[int, Dwell]]:
         """The phases with a dwell time, and that."""
         return [(index, dwell) for index, dwell in enumerate(self.dwells) if dwell is not None]
+
+
+def _zero(signals: Float[Any, "*batch num_signals"]) -> Float[Any, "*batch"]:
+    return array_library(signals).zeros_like(signals[..., 0])
 
 
 def _dwell(phase: Phase) -> Dwell | None:

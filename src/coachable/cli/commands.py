@@ -29,6 +29,7 @@ COMMANDS = {
     "format": descriptions.format,
     "draw": descriptions.draw,
     "limits": descriptions.limits,
+    "audit": descriptions.audit,
     "diff": descriptions.diff,
     "explain": descriptions.explain,
     "export": exports.export,

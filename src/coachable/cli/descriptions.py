@@ -195,6 +195,73 @@ def draw(
     print(f"{out}: {described.name}")
 
 
+def audit(
+    behaviour: BehaviourName,
+    form: Annotated[
+        str | None,
+        option("FORM", "One reward form, with the runs that earn the most.", otherwise="all that can pay it"),
+    ] = None,
+    skip_fine: Annotated[
+        float, arg(metavar="PHI", help="Of the form schedule: the fine for a phase passed over, 0 to 1.")
+    ] = 1.0,
+    dt: Annotated[float, arg(metavar="SECONDS", help="Time between two samples.")] = 0.01,
+    json: Annotated[bool, arg(help="Print JSON.")] = False,
+) -> None:
+    """Report the most that a reward pays for not following a behaviour.
+
+    That is for staying in one phase, for leaving one out, and for never going round: the mean pay a sample,
+    exact, the maximum mean cycle of all that form and clocks can remember. For example:
+
+        coachable audit compass-walking
+        coachable audit compass-walking-timed --form schedule
+        coachable audit mine.behaviour --form schedule --skip-fine 0 --dt 0.02 --json
+    """
+    from coachable.behaviours.library import load_behaviour
+    from coachable.foundation.errors import ParameterError
+    from coachable.rewards.audit import audit as audited
+    from coachable.rewards.forms import Schedule, form_of
+    from coachable.rewards.forms.tables import VARIANTS
+
+    described = load_behaviour(behaviour)
+    names = (*VARIANTS, "schedule") if form is None else (form,)
+    audits, refused = {}, {}
+    for name in names:
+        try:
+            audits[name] = audited(
+                described, Schedule(skip_fine) if name == "schedule" else form_of(name), dt
+            )
+        except ParameterError as error:
+            if form is not None:
+                raise
+            refused[name] = str(error)
+    if json:
+        print_json(
+            {
+                name: {
+                    exploit.kind: {
+                        "mean": exploit.mean,
+                        "approach": exploit.approach.stays,
+                        "period": exploit.period.stays,
+                    }
+                    for exploit in found.exploits
+                }
+                for name, found in audits.items()
+            }
+        )
+        return
+    kinds = list(dict.fromkeys(each.kind for found in audits.values() for each in found.exploits))
+    width = max(map(len, kinds))
+    print(f"{described.name}: the greatest mean pay a sample of a run that", "", sep="\n")
+    print(" " * width + "".join(f"{name:>10}" for name in audits))
+    paid = {name: {each.kind: each for each in found.exploits} for name, found in audits.items()}
+    for kind in kinds:
+        shown = (f"{by[kind].mean:>10.2f}" if kind in by else f"{'–':>10}" for by in paid.values())
+        period = "" if form is None else f"   {paid[form][kind].period}"
+        print(f"{kind:<{width}}{''.join(shown)}{period}")
+    for name, reason in refused.items():
+        print(f"\nNot {name}: {reason}.")
+
+
 def limits(
     behaviour: BehaviourName,
     trace: Annotated[

@@ -103,6 +103,9 @@ class BoundForm(abc.ABC):
     memory and step is computed once and looked up afterwards.
     """
 
+    judges_dwells: ClassVar[bool] = True
+    """Whether the pay depends on `too_short` and `too_long` of a move."""
+
     form: RewardForm
     behaviour: Behaviour
     dt: int | float | None = field(default=None)

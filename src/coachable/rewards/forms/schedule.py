@@ -90,6 +90,8 @@ class Schedule(RewardForm):
 class BoundSchedule(BoundForm):
     """The expected run of a behaviour."""
 
+    judges_dwells: ClassVar[bool] = False
+
     form: Schedule
     dt: int | float = 0.0
 

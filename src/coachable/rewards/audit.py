@@ -1,0 +1,344 @@
+"""What can be earned without following a behaviour: an audit of a reward form, exact.
+
+What a form pays depends on the locations that a robot visits, sample by sample, and on what form and clocks
+remember of them. So all runs of all robots are the walks of a finite graph: a node is a memory, an edge a
+sample at some location, its weight the pay. The greatest mean pay of a kind of run is the *maximum mean
+cycle* of the edges that such a run may take, found by Howard's policy iteration (Cochet-Terrasson, Cohen,
+Gaubert, McGettrick and Quadrat, *Numerical computation of spectral elements in max-plus algebra*, 1998).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order
+
+from coachable.automata.tracker import Memory, Move, Stay
+from coachable.behaviours.behaviour import Behaviour, Edge
+from coachable.behaviours.checking.regions import Regions
+from coachable.foundation.errors import ParameterError
+from coachable.rewards.described_reward import DescribedReward
+from coachable.rewards.forms import RewardForm, Step
+
+MOST_NODES = 1_000_000
+"""A behaviour whose runs have more memories than that is refused."""
+
+
+class Run(NamedTuple):
+    """Locations by name, each with how many samples the run is there."""
+
+    stays: tuple[tuple[str, int], ...]
+
+    def __str__(self) -> str:
+        return ", ".join(f"{name} × {samples}" for name, samples in self.stays)
+
+
+@dataclass(frozen=True)
+class Exploit:
+    """The most that a kind of run earns, and a periodic run that earns it."""
+
+    kind: str
+    """Such as `never enters O2`."""
+    mean: float
+    """The greatest mean pay a sample."""
+    approach: Run
+    """The samples before the period begins."""
+    period: Run
+    """The samples that come again and again."""
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What a reward form leaves open."""
+
+    behaviour: Behaviour
+    form: RewardForm
+    dt: float
+    exploits: tuple[Exploit, ...]
+    num_memories: int
+
+
+def audit(behaviour: Behaviour, form: RewardForm | str, dt: float = 0.01) -> Audit:
+    """The most that is paid for staying in one phase, for leaving one out, and for never going round.
+
+    A run *goes round* where it visits all phases of a cycle in their order and is in the first one again, a
+    glitch of one sample elsewhere aside. A robot may be anywhere at the next sample, except where two phases
+    do not touch or declared derivatives forbid the way between them; see `possible_moves`.
+
+    **Arguments:** `form`, as in `DescribedReward`; `dt`, the time between two samples [s].
+
+    **Raises:** `ParameterError` as `DescribedReward`, and if runs have more than `MOST_NODES` memories.
+    """
+    reward, names = DescribedReward(behaviour, form, dt), behaviour.phase_names
+    moves = possible_moves(behaviour)
+    anywhere = np.ones(len(moves), bool)
+    graph = _explored(_Walker(reward), moves)
+    phase = np.eye(len(names), len(moves), dtype=bool)
+    found = [graph.best(f"stays in {name}", only) for name, only in zip(names, phase, strict=True)]
+    found += [graph.best(f"never enters {name}", ~only) for name, only in zip(names, phase, strict=True)]
+    if behaviour.cycles:
+        rounds = _explored(_Walker(reward, behaviour.cycles), moves)
+        found.append(rounds.best("never goes round", anywhere, rounds.goes_on))
+    found.append(graph.best("anything", anywhere))
+    exploits = tuple(exploit for exploit in found if exploit is not None)
+    return Audit(behaviour, reward.bound_form.form, dt, exploits, len(graph.rows))
+
+
+def possible_moves(behaviour: Behaviour) -> Bool[np.ndarray, "previous current"]:
+    """Whether a robot can be at a location one sample after another; the last row and column are outside.
+
+    From phase to phase it cannot where the two do not touch, or where declared derivatives forbid the way. An
+    edge with an event or a reset is possible.
+    """
+    names = behaviour.phase_names
+    regions, moves = Regions.of(behaviour), np.ones((len(names) + 1, len(names) + 1), bool)
+    jumps = {(edge.source, edge.target) for edge in behaviour.edges if edge.event or edge.reset}
+    for (i, one), (j, other) in itertools.permutations(enumerate(names), 2):
+        if (one, other) not in jumps:
+            edge = Edge(one, other)
+            moves[i, j] = regions.touch(edge) is not False and regions.travelled(edge) is not False
+    return moves
+
+
+class _Walker:
+    """Takes many runs a sample further by their locations alone. A memory is a row of numbers."""
+
+    def __init__(self, reward: DescribedReward, cycles: Sequence[Sequence[Edge]] = ()):
+        self._reward, self._dt = reward, float(reward.dt or 0.0)
+        self.names = reward.phase_names
+        tracker = reward.tracker
+        self._clocked = tracker.has_dwells and reward.bound_form.judges_dwells
+        dwells = [dwell for dwell in tracker.dwells if dwell is not None]
+        times = [time for dwell in dwells for time in (dwell.at_least, dwell.at_most) if math.isfinite(time)]
+        self._longest = max(times, default=0.0) + 2 * self._dt
+        flicker = self._dt if tracker.flicker is None else tracker.flicker
+        self._absence = flicker + self._dt / 2
+        number = reward.behaviour.phase_names.index
+        self._cycles = [np.array([number(edge.source) for edge in cycle]) for cycle in cycles]
+
+    def begin(self, places: Int[np.ndarray, " runs"]) -> Float[np.ndarray, "runs numbers"]:
+        """Memories of runs that begin at locations; the first number is the location."""
+        zero = np.zeros(len(places))
+        phase = self._reward.tracker.begun(places, zero) if self._clocked else Memory(places)
+        form, _ = self._reward.initial_memory(places, zero)
+        memory = (phase, form, tuple(self._begun(cycle, places) for cycle in self._cycles))
+        self._structure = jax.tree.structure(memory)
+        self._dtypes = [np.asarray(leaf).dtype for leaf in jax.tree.leaves(memory)]
+        return self._rows(memory)
+
+    def step(
+        self, rows: Float[np.ndarray, "runs numbers"], place: int
+    ) -> tuple[Float[np.ndarray, "runs numbers"], Float[np.ndarray, " runs"], Bool[np.ndarray, " runs"]]:
+        """Memories after a sample at a location, what it pays, and whether the run went round with it."""
+        columns = [column.astype(dtype) for column, dtype in zip(rows.T, self._dtypes, strict=True)]
+        phase, form, progress = jax.tree.unflatten(self._structure, columns)
+        places, zero = np.full(len(rows), place), np.zeros(len(rows))
+        after, move = Memory(places), Move(phase.location, places)
+        if self._clocked:
+            after, move = self._reward.tracker.moved(phase, places, self._dt)
+        form, _, paid, _ = self._reward.pay(form, (), Step(move, self._dt, False, zero))
+        rounds = [self._onward(*each, places) for each in zip(self._cycles, progress, strict=True)]
+        round_ = np.any([completed for _, completed in rounds] or [zero > 0], axis=0)
+        return self._rows((after, form, tuple(going for going, _ in rounds))), paid, round_
+
+    def _rows(self, memory: Any) -> Float[np.ndarray, "runs numbers"]:
+        """Memories that pay alike ever after are the same row: times stop where they matter no more."""
+        phase, *others = memory
+        stays = []
+        for stay in phase.stays:
+            over = stay.absent > self._absence
+            time = np.where(over, 0.0, np.minimum(stay.time, self._longest))
+            stays.append(Stay(time, stay.entered & ~over, np.where(over, math.inf, stay.absent)))
+        leaves = jax.tree.leaves((phase._replace(stays=tuple(stays)), *others))
+        return np.stack([np.asarray(leaf, float) for leaf in leaves], -1).round(9)
+
+    # The progress along a cycle: the place in it, −1 without one, how many phases were visited in order, and
+    # whether the last sample was elsewhere.
+
+    def _begun(self, cycle: Int[np.ndarray, " phases"], places: Int[np.ndarray, " runs"]):
+        at = self._position(cycle, places)
+        return at, (at >= 0).astype(int), at < -1
+
+    def _position(self, cycle: Int[np.ndarray, " phases"], places: Int[np.ndarray, " runs"]):
+        hits = places[:, None] == cycle
+        return np.where(hits.any(1), hits.argmax(1), -1)
+
+    def _onward(self, cycle: Int[np.ndarray, " phases"], progress: Any, places: Int[np.ndarray, " runs"]):
+        at, visited, elsewhere = progress
+        next_at = np.where(at < 0, self._position(cycle, places), (at + 1) % len(cycle))
+        stays = (at >= 0) & (places == cycle[at])
+        goes = (at >= 0) & ~stays & (places == cycle[next_at])
+        glitch = (at >= 0) & ~stays & ~goes & ~elsewhere
+        anew = ~stays & ~goes & ~glitch
+        start, fresh, _ = self._begun(cycle, places)
+        count = visited + goes
+        completed = count > len(cycle)
+        after = (
+            np.where(anew, start, np.where(goes, next_at, at)),
+            np.where(anew, fresh, np.where(completed, 1, count)),
+            glitch,
+        )
+        return after, completed
+
+
+@dataclass(frozen=True, eq=False)
+class _Graph:
+    """Memories, and the samples that lead from one to another; edges are sorted by their sources."""
+
+    names: tuple[str, ...]
+    rows: Float[np.ndarray, "nodes numbers"]
+    num_first: int
+    """The first so many nodes are where runs begin."""
+    source: Int[np.ndarray, " edges"]
+    target: Int[np.ndarray, " edges"]
+    paid: Float[np.ndarray, " edges"]
+    goes_on: Bool[np.ndarray, " edges"]
+    """Whether the run does not go round with it."""
+
+    def best(
+        self,
+        kind: str,
+        places: Bool[np.ndarray, " locations"],
+        edges: Bool[np.ndarray, " edges"] | None = None,
+    ) -> Exploit | None:
+        """The most that runs earn at these locations and along these edges; `None` without such a run."""
+        size, location = len(self.rows), self.rows[:, 0].astype(int)
+        allowed = places[location[self.source]] & places[location[self.target]]
+        allowed = allowed if edges is None else allowed & edges
+        starts = np.flatnonzero(places[location[: self.num_first]])
+        pairs = [(self.source[allowed], self.target[allowed]), (np.full(len(starts), size), starts)]
+        source, target = map(np.concatenate, zip(*pairs, strict=True))
+        matrix = coo_array((np.ones(len(source), bool), (source, target)), (size + 1, size + 1)).tocsr()
+        order, before = breadth_first_order(matrix, size)
+        alive = np.zeros(size + 1, bool)
+        alive[order] = True
+        while True:
+            kept = np.flatnonzero(allowed & alive[self.source] & alive[self.target])
+            onward = np.zeros(size + 1, bool)
+            onward[self.source[kept]] = True
+            if not (alive[:size] & ~onward[:size]).any():
+                break
+            alive[:size] &= onward[:size]
+        if not len(kept):
+            return None
+        cycle = kept[maximum_mean_cycle(self.source[kept], self.target[kept], self.paid[kept])]
+        node, approach = int(self.source[cycle[0]]), []
+        while node != size:
+            approach.append(int(location[node]))
+            node = int(before[node])
+        period = location[self.target[cycle]].tolist()
+        return Exploit(kind, float(self.paid[cycle].mean()), self._run(approach[::-1]), self._run(period))
+
+    def _run(self, locations: Sequence[int]) -> Run:
+        return Run(tuple((self.names[k], len(list(samples))) for k, samples in itertools.groupby(locations)))
+
+
+def _explored(walker: _Walker, moves: Bool[np.ndarray, "previous current"]) -> _Graph:
+    """Every memory that a run can have, breadth first."""
+    rows = walker.begin(np.arange(len(moves)))
+    number = {row.tobytes(): index for index, row in enumerate(rows)}
+    kept, edges, frontier, done = [rows], [], rows, 0
+    while len(frontier):
+        new = []
+        for place in range(len(moves)):
+            able = np.flatnonzero(moves[frontier[:, 0].astype(int), place])
+            after, paid, rounds = walker.step(frontier[able], place)
+            unique, inverse = np.unique(after, axis=0, return_inverse=True)
+            targets = []
+            for row in unique:
+                targets.append(number.setdefault(row.tobytes(), len(number)))
+                if targets[-1] == len(number) - 1 and targets[-1] >= done + len(frontier) + len(new):
+                    new.append(row)
+            edges.append((able + done, np.array(targets, int)[inverse.ravel()], paid, ~rounds))
+        done += len(frontier)
+        if len(number) > MOST_NODES:
+            raise ParameterError(
+                f"runs of this behaviour have more than {MOST_NODES:,} memories; give a larger dt, or "
+                "shorter limits"
+            )
+        frontier = np.array(new).reshape(-1, rows.shape[1])
+        kept.append(frontier)
+    source, target, paid, goes_on = map(np.concatenate, zip(*edges, strict=True))
+    order = np.argsort(source, kind="stable")
+    return _Graph(
+        walker.names,
+        np.concatenate(kept),
+        len(rows),
+        source[order],
+        target[order],
+        paid[order],
+        goes_on[order],
+    )
+
+
+def maximum_mean_cycle(
+    source: Int[np.ndarray, " edges"], target: Int[np.ndarray, " edges"], weight: Float[np.ndarray, " edges"]
+) -> Int[np.ndarray, " cycle"]:
+    """The edges of a cycle whose mean weight is the greatest, in their order.
+
+    Howard's policy iteration: every node keeps one of its edges; the mean of the cycle that this leads to,
+    and the bias on the way there, say whether another edge is better.
+
+    **Arguments:** edges sorted by `source`; every node that one leads to has edges of its own.
+    """
+    nodes, source = np.unique(source, return_inverse=True)
+    target = np.searchsorted(nodes, target)
+    begins = np.flatnonzero(np.append(True, np.diff(source) > 0))
+    chosen = _best_of_each(weight, source, begins)
+    while True:
+        mean, bias = _evaluated(target[chosen], weight[chosen])
+        gain = mean[target]
+        better = gain > mean[source] + 1e-12
+        value = np.where(np.abs(gain - mean[source]) <= 1e-12, weight - gain + bias[target], -np.inf)
+        best = _best_of_each(np.where(better.any(), gain, value), source, begins)
+        improves = better[best] if better.any() else value[best] > bias + 1e-9
+        if not improves.any():
+            break
+        chosen = np.where(improves, best, chosen)
+    node = int(mean.argmax())
+    seen: dict[int, int] = {}
+    walk = []
+    while node not in seen:
+        seen[node] = len(walk)
+        walk.append(int(chosen[node]))
+        node = int(target[chosen[node]])
+    return np.array(walk[seen[node] :])
+
+
+def _best_of_each(
+    value: Float[np.ndarray, " edges"], source: Int[np.ndarray, " edges"], begins: Int[np.ndarray, " nodes"]
+) -> Int[np.ndarray, " nodes"]:
+    """The first edge of each node that has the node's greatest value."""
+    greatest = np.maximum.reduceat(value, begins)
+    edges = np.flatnonzero(value == greatest[source])
+    return edges[np.flatnonzero(np.append(True, np.diff(source[edges]) > 0))]
+
+
+def _evaluated(
+    onward: Int[np.ndarray, " nodes"], weight: Float[np.ndarray, " nodes"]
+) -> tuple[Float[np.ndarray, " nodes"], Float[np.ndarray, " nodes"]]:
+    """The mean of the cycle that each node's chosen edges lead to, and the bias until there."""
+    size = len(onward)
+    least, far = np.arange(size), onward
+    for _ in range(size.bit_length()):  # twice as far each time
+        least, far = np.minimum(least, least[far]), far[far]
+    on_cycle = np.zeros(size, bool)
+    on_cycle[far] = True
+    root = least[far]
+    total = np.bincount(root[on_cycle], weight[on_cycle], size)
+    count = np.bincount(root[on_cycle], minlength=size)
+    mean = (total / np.maximum(count, 1))[root]
+    is_root = root == np.arange(size)
+    bias = np.where(is_root, 0.0, weight - mean)
+    far = np.where(is_root, np.arange(size), onward)
+    for _ in range(size.bit_length()):
+        bias, far = bias + np.where(far == np.arange(size), 0.0, bias[far]), far[far]
+    return mean, bias
