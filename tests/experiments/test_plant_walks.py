@@ -132,7 +132,7 @@ def test_a_gait_is_surveyed_and_what_is_missing_has_a_sentence(compass, wheel, c
     assert "step length [m]" in out
     assert "not measured" not in out
     assert (compass.path / "footfalls.png").exists()
-    out, _, status = call(capsys, "gait", wheel.path, "--episodes", "1")
+    out, _, status = call(capsys, "gait", wheel.path, "--episodes", "1", "--trust")
     assert status == 0
     assert "1 moves" in out
     assert "not measured: the rimless wheel has 10 legs; alternation" in out
