@@ -3,6 +3,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
+from coachable.behaviours import load_behaviour
 from coachable.rewards.forms import VARIANTS, reward_table
 from coachable.rewards.picture import reward_svg
 from tests.diagram.pictures import BEHAVIOURS, boxes, elements
@@ -31,6 +32,18 @@ def test_the_arrows_are_the_papers(variant, paid, punished):
     svg = reward_svg(WALKING, variant)
     assert len(elements(svg, "path", "paid")) == paid
     assert len(elements(svg, "path", "punished")) == punished
+
+
+def test_the_schedule_pays_where_it_is_expected_and_for_going_on():
+    svg = reward_svg(load_behaviour("compass-walking-timed"), "schedule")
+    texts = ["".join(text.itertext()) for text in elements(svg, "text")]
+    assert "expected ↓ in →" in texts
+    cells = [text for text in elements(svg, "text") if (text.get("class") or "").startswith("pay ")]
+    cells.sort(key=lambda text: (float(text.get("y") or 0), float(text.get("x") or 0)))
+    paid = ["".join(text.itertext()) == "+1" for text in cells]
+    # Staying, the next phase, and beginning anywhere.
+    ring = [[1, 1, 0, 0, 0], [0, 1, 1, 0, 0], [0, 0, 1, 1, 0], [1, 0, 0, 1, 0], [1, 1, 1, 1, 0]]
+    assert paid == [bool(pays) for row in ring for pays in row]
 
 
 @pytest.mark.parametrize("name", BEHAVIOURS)

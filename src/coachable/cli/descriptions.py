@@ -148,8 +148,8 @@ def draw(
     behaviour: BehaviourName,
     out: Annotated[Path, output("FILE", "x.svg or x.png; x.dot (Graphviz) or x.mmd (Mermaid).")],
     reward: Annotated[
-        Literal["stay", "equation", "released"] | None,
-        option("stay|equation|released", "Draw what the phase reward pays, read this way, instead."),
+        Literal["stay", "equation", "released", "schedule"] | None,
+        option("stay|equation|released|schedule", "Draw what this form of the reward pays, instead."),
     ] = None,
 ) -> None:
     """Draw a behaviour: its automaton, or what its reward pays.
@@ -159,6 +159,7 @@ def draw(
         coachable draw compass-walking -o walking.svg
         coachable draw mine.behaviour -o mine.png
         coachable draw compass-walking --reward stay -o reward.svg
+        coachable draw compass-walking-timed --reward schedule -o schedule.svg
         coachable draw compass-walking -o automaton.mmd
     """
     from coachable.behaviours.library import find_behaviour, load_behaviour

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
+from typing import Literal
 
 from jaxtyping import Int8
 from numpy import ndarray
@@ -15,13 +16,17 @@ from coachable.diagram.layout import Box, Ring, drawing_order, surrounding
 from coachable.diagram.lettering import Line, lettering, safe, size_of, text_width
 from coachable.diagram.routing import Arrow, routes, straight
 from coachable.foundation.style import PAID, PUNISHED
-from coachable.rewards.forms import Variant, reward_table
+from coachable.rewards.forms import Schedule, Variant, reward_table
 
-_SAYS: Mapping[Variant, str] = MappingProxyType(
+Drawn = Variant | Literal["schedule"]
+
+_SAYS: Mapping[Drawn, str] = MappingProxyType(
     {
         "stay": "Solid, +1: staying in a phase, following an edge, entering. Dashed, −1: all else.",
         "equation": "Solid, +1: following an edge, entering. Dashed, −1: all else, staying as well.",
         "released": "Solid, +1: staying, even outside; going on in the order. Dashed, −1: all else.",
+        "schedule": "Solid, +1: being where it is expected, and going on along an edge. Dashed, −1: all "
+        "else. When the time of a phase is over, the next one is expected.",
     }
 )
 _STYLE = f"""
@@ -44,19 +49,23 @@ _TITLE, _FEW, _WIDEST_PAGE = 18, 6, 960.0
 _APART = 34.0
 
 
-def reward_svg(behaviour: Behaviour, variant: Variant = "stay") -> str:
+def reward_svg(behaviour: Behaviour, variant: Drawn = "stay") -> str:
     """What r_or pays for each step from one location to another, as a self-contained SVG document.
+
+    With `"schedule"`, what it pays for being at a location while another is expected, or none yet, which is the
+    last row; the fine for a phase that was passed over is not shown.
 
     On the left the phases on their ring with outside in the middle: a solid green arrow is a step that pays
     +1, a dashed red one a step that pays −1. Shown are staying, the edges, their reverses where the phases
     are few, and entering and leaving. The table beside it holds every step.
 
-    **Raises:** `ParameterError` for an unknown variant.
+    **Raises:** `ParameterError` for an unknown variant, and what `Schedule.bind` raises.
     """
-    table = reward_table(behaviour, variant)
+    schedule = variant == "schedule"
+    table = Schedule().bind(behaviour, 1.0).table if schedule else reward_table(behaviour, variant)
     parts, boxes = _ring(behaviour, table)
     around = surrounding(boxes, 0.0)
-    grid, page = _grid(behaviour, table, around)
+    grid, page = _grid(behaviour, table, around, "expected ↓ in →" if schedule else "from ↓ to →")
     header = [
         Line.plain("heading", f"What r_or pays: {behaviour.name}, variant {variant}"),
         *(Line.plain("description", line) for line in balanced(_SAYS[variant], 100)),
@@ -136,11 +145,11 @@ def _painted(arrow: Arrow, pays: int) -> str:
 
 
 def _grid(
-    behaviour: Behaviour, table: Int8[ndarray, "previous current"], beside: Box
+    behaviour: Behaviour, table: Int8[ndarray, "previous current"], beside: Box, axes: str
 ) -> tuple[list[str], Box]:
     """The table as SVG, at the right of a box if the page stays narrow enough, else below it."""
     names = [*behaviour.phase_names, "outside"]
-    longest = 12.5 * max(map(text_width, (*names, "from ↓ to")))
+    longest = 12.5 * max(map(text_width, (*names, axes[:-2])))
     widest = 12.5 * max(map(text_width, names))
     cell = max(_CELL[0], widest + 8) if len(names) <= _FEW else _CELL[0]
     slanted = widest > cell - 6
@@ -152,7 +161,7 @@ def _grid(
     else:
         left, top = beside.x - width / 2, beside.y + beside.height / 2 + _APART
     x0, y0 = left + longest + 10, top + head
-    parts = [_axis(x0 - 8, y0 - 6, "from ↓ to →", "end", "note")]
+    parts = [_axis(x0 - 8, y0 - 6, axes, "end", "note")]
     for index, name in enumerate(names):
         x, y = x0 + (index + 0.5) * cell, y0 + (index + 0.5) * _CELL[1] + 4.5
         parts.append(_axis(x0 - 8, y, name, "end"))

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Int8
 
 from coachable.automata.classifier import array_library
 from coachable.automata.cycle_progress import pairs
@@ -127,6 +127,14 @@ class BoundSchedule(BoundForm):
             "passed_over": zero - self.form.skip_fine * left / self.dt,
         }
         return after, Payment(terms, in_step, {"expected": expected, "expected_time": time})
+
+    @property
+    def table(self) -> Int8[np.ndarray, "expected location"]:
+        """±1 by the phase that was expected, the last row if none was, and the location; times apart."""
+        none = len(self.behaviour.phases)
+        paid = self._edges | np.eye(none + 1, dtype=bool)
+        paid[none] = self.first_phases[: none + 1]
+        return np.where(paid, 1, -1).astype(np.int8)
 
     @property
     def observation_names(self) -> tuple[str, ...]:
