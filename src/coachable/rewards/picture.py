@@ -17,6 +17,7 @@ from coachable.diagram.lettering import Line, lettering, safe, size_of, text_wid
 from coachable.diagram.routing import Arrow, routes, straight
 from coachable.foundation.style import PAID, PUNISHED
 from coachable.rewards.forms import Schedule, Variant, reward_table
+from coachable.rewards.forms.form import OUTSIDE
 
 Drawn = Variant | Literal["schedule"]
 
@@ -52,8 +53,8 @@ _APART = 34.0
 def reward_svg(behaviour: Behaviour, variant: Drawn = "stay") -> str:
     """What r_or pays for each step from one location to another, as a self-contained SVG document.
 
-    With `"schedule"`, what it pays for being at a location while another is expected, or none yet, which is the
-    last row; the fine for a phase that was passed over is not shown.
+    With `"schedule"`, what it pays for being at a location while another is expected, or none yet. What
+    entering pays then depends on that, and is no arrow; the fine for a phase passed over is not shown.
 
     On the left the phases on their ring with outside in the middle: a solid green arrow is a step that pays
     +1, a dashed red one a step that pays −1. Shown are staying, the edges, their reverses where the phases
@@ -63,9 +64,10 @@ def reward_svg(behaviour: Behaviour, variant: Drawn = "stay") -> str:
     """
     schedule = variant == "schedule"
     table = Schedule().bind(behaviour, 1.0).table if schedule else reward_table(behaviour, variant)
-    parts, boxes = _ring(behaviour, table)
+    parts, boxes = _ring(behaviour, table, entering=not schedule)
     around = surrounding(boxes, 0.0)
-    grid, page = _grid(behaviour, table, around, "expected ↓ in →" if schedule else "from ↓ to →")
+    axes, last = ("expected ↓ in →", "none yet") if schedule else ("from ↓ to →", OUTSIDE)
+    grid, page = _grid(behaviour, table, around, axes, last)
     header = [
         Line.plain("heading", f"What r_or pays: {behaviour.name}, variant {variant}"),
         *(Line.plain("description", line) for line in balanced(_SAYS[variant], 100)),
@@ -79,7 +81,9 @@ def reward_svg(behaviour: Behaviour, variant: Drawn = "stay") -> str:
     return document(title, surrounding([inner, heading], _MARGIN), [text, *parts, *grid], _STYLE)
 
 
-def _ring(behaviour: Behaviour, table: Int8[ndarray, "previous current"]) -> tuple[list[str], list[Box]]:
+def _ring(
+    behaviour: Behaviour, table: Int8[ndarray, "previous current"], entering: bool
+) -> tuple[list[str], list[Box]]:
     """The phases, the arrows between them, and outside: as SVG, and the room that they take."""
     order = drawing_order(behaviour)
     place = {behaviour.phase_names.index(name): position for position, name in enumerate(order)}
@@ -103,7 +107,8 @@ def _ring(behaviour: Behaviour, table: Int8[ndarray, "previous current"]) -> tup
     drawn = []
     for index in range(outside):
         box = ring.boxes[place[index]]
-        drawn.append((straight(hole, box, 7.0), int(table[outside, index])))
+        if entering:
+            drawn.append((straight(hole, box, 7.0), int(table[outside, index])))
         drawn.append((straight(box, hole, 7.0), int(table[index, outside])))
     steps = list(_steps(behaviour))
     spokes = [arrow for arrow, _ in drawn]
@@ -145,11 +150,11 @@ def _painted(arrow: Arrow, pays: int) -> str:
 
 
 def _grid(
-    behaviour: Behaviour, table: Int8[ndarray, "previous current"], beside: Box, axes: str
+    behaviour: Behaviour, table: Int8[ndarray, "previous current"], beside: Box, axes: str, last: str
 ) -> tuple[list[str], Box]:
     """The table as SVG, at the right of a box if the page stays narrow enough, else below it."""
-    names = [*behaviour.phase_names, "outside"]
-    longest = 12.5 * max(map(text_width, (*names, axes[:-2])))
+    names, rows = [*behaviour.phase_names, OUTSIDE], [*behaviour.phase_names, last]
+    longest = 12.5 * max(map(text_width, (*rows, axes[:-2])))
     widest = 12.5 * max(map(text_width, names))
     cell = max(_CELL[0], widest + 8) if len(names) <= _FEW else _CELL[0]
     slanted = widest > cell - 6
@@ -164,7 +169,7 @@ def _grid(
     parts = [_axis(x0 - 8, y0 - 6, axes, "end", "note")]
     for index, name in enumerate(names):
         x, y = x0 + (index + 0.5) * cell, y0 + (index + 0.5) * _CELL[1] + 4.5
-        parts.append(_axis(x0 - 8, y, name, "end"))
+        parts.append(_axis(x0 - 8, y, rows[index], "end"))
         turn = f' transform="rotate(-45 {x - 3:.1f} {y0 - 6:.1f})"' if slanted else ""
         parts.append(
             _axis(x - 3 if slanted else x, y0 - 6, name, "start" if slanted else "middle", turn=turn)
