@@ -13,6 +13,7 @@ pytest.importorskip("ival", reason="needs the [verify] extra: pip install 'coach
 FOOT = "0.45 * {0}(hip) + 0.5 * {0}(hip - knee)"
 TOE = FOOT + " + 0.2 * {0}(hip - knee - ankle)"
 DOWN, AHEAD = FOOT.format("cos"), FOOT.format("sin")
+DISTANCE = " + ".join(f"({TOE.format(wave)}) * ({TOE.format(wave)})" for wave in ("cos", "sin"))
 ANGLES = ("hip", "knee", "ankle")
 RNG = np.random.default_rng(5)
 
@@ -76,6 +77,11 @@ def test_a_state_is_found_in_which_it_holds(condition):
         "cos(2 * hip) > 0.9, abs(cos(hip)) < 0.9",
         "sin(hip) + sin(knee) > 1.2, hip = 0.1 within 0.05",
         "sin(hip - knee) + sin(knee - hip) > 0",
+        "sin(hip + knee) - sin(hip) * cos(knee) - cos(hip) * sin(knee) > 0.001",
+        f"{DISTANCE} > 1.34",
+        f"({DOWN}) * ({DOWN}) + ({AHEAD}) * ({AHEAD}) < 0.0026, 0 < knee < 3.1",
+        "sin(hip) * sin(hip) * sin(hip) > 0.9, sin(3 * hip) > 0.1",
+        f"{TOE.format('cos')} > 0.9, {TOE.format('sin')} < -0.72",
     ],
 )
 def test_what_holds_nowhere_is_refuted_and_in_no_sample(condition):
