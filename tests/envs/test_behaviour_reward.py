@@ -235,6 +235,7 @@ class Picture(Still):
         ),
         (lambda: BehaviourReward(Still(), pacing(Dwell(1.0)), BY_OBSERVATION), "dt is needed"),
         (lambda: BehaviourReward(Picture(), pacing(), WAYS["info"], observe="memory"), "FlattenObservation"),
+        (lambda: wrapped(weight=float("nan")), "weight must be a finite number, got nan"),
         (lambda: wrapped(form="stai"), "unknown reward form 'stai'; did you mean 'stay'"),
     ],
 )
@@ -454,6 +455,10 @@ def test_a_dictionary_can_be_flattened_first():
         (
             lambda x: (np.full(1, math.nan), 0.0, False, False, {}),
             "observation of Failing has NaN after step 2",
+        ),
+        (
+            lambda x: (np.zeros(1), 0.0, False, False, None),
+            "info of Failing must be a dict, .* step 2 it is None",
         ),
         (lambda x: (np.zeros(1), 0.0, False, {}), "fails in step 2 with ValueError: not enough values"),
     ],

@@ -250,6 +250,14 @@ def reward_numbers(rewards: Any, env: gymnasium.vector.VectorEnv, when: str) -> 
     return array
 
 
+def require_info(info: Any, env: Any, when: str) -> None:
+    """**Raises:** `SignalError`, naming the environment and the step, for an info that is no dict."""
+    if not isinstance(info, Mapping):
+        raise SignalError(
+            f"the info of {environment_name(env)} must be a dict, but {when} it is {info!r:.80}"
+        )
+
+
 def _is_nan(name: str, when: str, absent: str) -> str:
     if absent:
         return (

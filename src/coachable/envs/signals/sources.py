@@ -24,6 +24,7 @@ import numpy as np
 
 from coachable.envs.signals.infos import Infos
 from coachable.envs.signals.pack import SignalPack, signal_pack
+from coachable.foundation.data import plain
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.objects import object_named
 from coachable.foundation.suggestion import suggestion
@@ -170,6 +171,7 @@ def signal_sources(data: Mapping[str, Any]) -> SignalSources | None:
     """
     if not data:
         return None
+    data = plain(data)
     packs = {"pack": data["pack"]} if isinstance(data.get("pack"), str) else {}
     sources = {name: _source(source, f"signals.{name}") for name, source in data.items() if name not in packs}
     return SignalSources(MappingProxyType(sources), signal_pack(packs["pack"]) if packs else None)
