@@ -329,7 +329,7 @@ def test_it_runs_for_its_full_time(seconds):
     [(-1.0, 0.01), (math.nan, 0.01), (math.inf, 0.01), (1.0, 0.0), (1e308, 0.01), (1.0, 1e-300)],
 )
 def test_times_that_are_none_or_never_end_are_refused(seconds, dt):
-    with pytest.raises(ParameterError, match="seconds|control_dt"):
+    with pytest.raises(ParameterError, match=r"seconds|control_dt"):
         execute(HybridAutomaton.of(AIR, Ball()), (1.0, 0.0), Push(), seconds, dt)
 
 
