@@ -1,5 +1,4 @@
 import dataclasses
-import json
 import math
 import subprocess
 import sys
@@ -60,7 +59,7 @@ def test_numpys_numbers_make_the_same_setup_with_the_same_hash():
     own = EnvironmentProblem(behaviour=behaviour, env="Hop-v0", signals={"height": 0})
     assert problem.reward_hash(given) == own.reward_hash(mine)
     for form in (Potential, Schedule):
-        assert json.dumps(form(np.float32(0.5)).to_data()) == json.dumps(form(0.5).to_data())
+        assert repr(form(number).to_data()) == repr(form(0.5).to_data())
 
 
 def test_a_setup_by_its_name():
