@@ -14,7 +14,9 @@ FOOT = "0.45 * {0}(hip) + 0.5 * {0}(hip - knee)"
 TOE = FOOT + " + 0.2 * {0}(hip - knee - ankle)"
 DOWN, AHEAD = FOOT.format("cos"), FOOT.format("sin")
 DISTANCE = " + ".join(f"({TOE.format(wave)}) * ({TOE.format(wave)})" for wave in ("cos", "sin"))
+ARM = TOE + " + 0.05 * {0}(hip - knee - ankle - toe) + 0.3 * {0}(trunk)"
 ANGLES = ("hip", "knee", "ankle")
+JOINTS = (*ANGLES, "toe", "trunk")
 RNG = np.random.default_rng(5)
 
 LEGS = """behaviour "legs"
@@ -42,7 +44,7 @@ cycle
 
 def said(condition):
     """The predicate of a phase that says so."""
-    signals = "".join(f"  {name} [rad]\n" for name in ANGLES)
+    signals = "".join(f"  {name} [rad]\n" for name in JOINTS)
     return parse(f'behaviour "one"\nsignals\n{signals}phases\n  P: {condition}\n').phases[0].predicate
 
 
@@ -56,11 +58,12 @@ def said(condition):
         "sin(hip) * cos(knee) > 0.9, sin(hip - knee) > 0.85",
         "cos(2 * hip) > 0.9, cos(hip) < -0.9",
         f"{DOWN} > 0.9499",
+        f"{ARM.format('cos')} > 1.18, {ARM.format('sin')} > 0.89",
     ],
 )
 def test_a_state_is_found_in_which_it_holds(condition):
     predicate = said(condition)
-    state = witness(ANGLES, predicate)
+    state = witness(JOINTS, predicate)
     assert state
     assert holds(predicate, state)
 

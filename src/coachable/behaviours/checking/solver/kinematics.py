@@ -78,7 +78,8 @@ def decide(signals: Sequence[str], predicates: Sequence[Predicate]) -> Decision:
         if answer is not None:
             return answer
     for system in systems:
-        answers.append(False if _out_of_reach(system) else _branched(system, signals, predicates))
+        answer = False if _out_of_reach(system) else _branched(system, signals, predicates)
+        answers.append(_climbed(system, signals, predicates) if answer is None else answer)
         if answers[-1] not in (None, False):
             return answers[-1]
     return False if all(answer is False for answer in answers) else None
@@ -453,15 +454,7 @@ def _sampled(system: _System, signals: Sequence[str], predicates: Sequence[Predi
     low, high = (end[:, None] for end in _ends(system))
     random = np.random.default_rng(0)
     points = np.minimum(np.maximum(low + random.random((len(low), _SAMPLES)) * (high - low), low), high)
-    values = [value.lo for value in _enclosures(system, points, points)]
-    room = np.full(_SAMPLES, math.inf)
-    off = np.zeros(_SAMPLES)
-    for value, allowed in zip(values, system.signs.values(), strict=True):
-        if allowed == frozenset((0,)):
-            off = np.abs(value)
-        else:
-            best = [value] * (1 in allowed) + [-value] * (-1 in allowed)
-            room = np.minimum(room, np.max(best, axis=0))
+    room, off = _room(system, points)
     inside = np.flatnonzero(room > 0)
     if not len(inside):
         return None
@@ -471,6 +464,36 @@ def _sampled(system: _System, signals: Sequence[str], predicates: Sequence[Predi
         if (answer := _found(system, below, above, signals, predicates)) is not None:
             return answer
     return None
+
+
+def _climbed(system: _System, signals: Sequence[str], predicates: Sequence[Predicate]) -> Decision:
+    """A state near the best of many points, step by step: where there is so little room that few have any."""
+    if frozenset((0,)) in system.signs.values():
+        return None
+    low, high = (end[:, None] for end in _ends(system))
+    random = np.random.default_rng(0)
+    points = low + random.random((len(low), _SAMPLES)) * (high - low)
+    for step in np.geomspace(0.5, 1e-3, 20):
+        room, _ = _room(system, np.clip(points, low, high))
+        best = points[:, np.argsort(room)[-64:]]
+        moved = np.tile(best, 32) + step * random.standard_normal((len(low), 32 * 64))
+        points = np.clip(np.concatenate([best, moved], axis=1), low, high)
+    room, _ = _room(system, points)
+    chosen = points[:, np.argsort(room)[-64:]]
+    return _found(system, chosen, chosen, signals, predicates)
+
+
+def _room(system: _System, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far each point is inside of all signs, and from where a polynomial is zero that must be."""
+    values = [value.lo for value in _enclosures(system, points, points)]
+    room, off = np.full(points.shape[1], math.inf), np.zeros(points.shape[1])
+    for value, allowed in zip(values, system.signs.values(), strict=True):
+        if allowed == frozenset((0,)):
+            off = np.abs(value)
+        else:
+            best = [value] * (1 in allowed) + [-value] * (-1 in allowed)
+            room = np.minimum(room, np.max(best, axis=0))
+    return room, off
 
 
 def _out_of_reach(system: _System) -> bool:
