@@ -107,3 +107,9 @@ def test_one_motion_is_needed(capsys):
     with pytest.raises(SystemExit):
         cli.main(["limits", "compass-walking"])
     assert "give a TRACE or --baseline" in capsys.readouterr().err
+
+
+def test_the_time_between_rows_is_of_a_trace_and_not_of_a_baseline(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["limits", "compass-walking", "--baseline", "virtual-gravity", "--dt", "nan"])
+    assert "--dt is for a TRACE" in capsys.readouterr().err
