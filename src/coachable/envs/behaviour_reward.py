@@ -92,6 +92,7 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
             _disable_deepcopy=True,
         )
         gymnasium.Wrapper.__init__(self, env)
+        _require_ends_seen(env)
         require_known_on_nan(on_nan)
         real_number(weight, "weight", ParameterError)
         self.behaviour_reward = described_reward(env, behaviour, form, dt, cycle_bonus)
@@ -166,6 +167,17 @@ def described_reward(
     """The reward of a behaviour in an environment, which knows its own dt."""
     behaviour = behaviour if isinstance(behaviour, Behaviour) else load_behaviour(behaviour)
     return DescribedReward(behaviour, form, time_step(env) if dt is None else dt, cycle_bonus)
+
+
+def _require_ends_seen(env: gymnasium.Env) -> None:
+    """Refuse an environment that begins anew by itself: the next episode would go on from the last one."""
+    while isinstance(env, gymnasium.Wrapper):
+        if isinstance(env, gymnasium.wrappers.Autoreset):
+            raise ParameterError(
+                "Autoreset begins episodes that a BehaviourReward around it does not see; "
+                "put Autoreset around the BehaviourReward"
+            )
+        env = env.env
 
 
 def untried_dt(reward: DescribedReward, dt: int | float | None) -> float | None:
