@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from coachable.envs.signals.infos import Infos
+from coachable.envs.signals.infos import Infos, entry_of
 from coachable.envs.signals.pack import SignalPack, signal_pack
 from coachable.foundation.data import plain
 from coachable.foundation.errors import ParameterError
@@ -46,7 +46,7 @@ class ObservationEntry:
         """The entry."""
         entry: Any = observation
         for part in self.path:
-            entry = _column(entry, part) if isinstance(part, int) else entry[part]
+            entry = entry_of(entry, part, many=False) if isinstance(part, int) else entry[part]
         return entry
 
     def to_data(self) -> Any:
@@ -220,11 +220,8 @@ def _path_to_data(path: Path) -> Any:
     return path[0] if len(path) == 1 else [*path]
 
 
-def _column(entry: Any, number: int) -> Any:
-    return entry[..., number] if isinstance(entry, np.ndarray) else entry[number]
-
-
 def _followed(value: Any, path: Path) -> Any:
+    many = isinstance(value, Infos)
     for part in path:
-        value = _column(value, part) if isinstance(part, int) else value[part]
+        value = entry_of(value, part, many) if isinstance(part, int) else value[part]
     return value
