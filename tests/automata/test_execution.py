@@ -324,9 +324,12 @@ def test_it_runs_for_its_full_time(seconds):
     assert execution.final_state[0] == pytest.approx(1 - 9.81 / 2 * seconds**2, abs=1e-12)
 
 
-@pytest.mark.parametrize(("seconds", "dt"), [(-1.0, 0.01), (math.nan, 0.01), (math.inf, 0.01), (1.0, 0.0)])
-def test_times_that_are_none_are_refused(seconds, dt):
-    with pytest.raises(ParameterError, match="seconds"):
+@pytest.mark.parametrize(
+    ("seconds", "dt"),
+    [(-1.0, 0.01), (math.nan, 0.01), (math.inf, 0.01), (1.0, 0.0), (1e308, 0.01), (1.0, 1e-300)],
+)
+def test_times_that_are_none_or_never_end_are_refused(seconds, dt):
+    with pytest.raises(ParameterError, match=r"seconds|control_dt"):
         execute(HybridAutomaton.of(AIR, Ball()), (1.0, 0.0), Push(), seconds, dt)
 
 

@@ -194,6 +194,8 @@ ROW = "0,0.1,-0.1,-1,1\n"
         (HEADER.replace("\n", ",theta_1\n") + "0,1,1,1,1,1\n", "more than one column theta_1"),
         (HEADER.replace("\n", ",theta_1 [rad]\n") + "0,1,1,1,1,1\n", "more than one column theta_1"),
         (HEADER + ROW + "1,high,0,0,0\n", "invalid value 'high'"),
+        (HEADER + ROW + f"1,{'9' * 5000},0,0,0\n", "sample 2: theta_1 is infinite, or larger than"),
+        (HEADER + ROW + "1,0,-inf,0,0\n", "sample 2: theta_2 is infinite"),
         (HEADER + ROW + "1,0\n", "Expected 5 columns, got 2"),
         (HEADER + ROW + ROW, "sample 2: the time goes from 0 s to 0 s"),
         (HEADER + ROW.replace("0,", ",", 1), "sample 1: its time is not a number"),

@@ -50,6 +50,7 @@ def test_only_whole_stays_count_and_the_limit_is_their_quantile():
     assert found["high"][0] == pytest.approx([0.3, 0.2])
     assert found["low"][1] == found["high"][1] + 0.1 == pytest.approx(0.4)
     assert stays(trace(heights), quantile=0.0, slack=1.25)["low"][1] == 0.25
+    assert stays(trace(heights), slack=1e-300)["low"][1] == 0.01
 
 
 def test_a_trace_in_parts_is_one_trace():
@@ -79,7 +80,9 @@ def test_they_are_written_where_the_phase_stands_and_nothing_else_changes(tmp_pa
     assert with_limits(read_document(path), {"low": math.nan}) == UP_AND_DOWN
 
 
-@pytest.mark.parametrize("options", [{"quantile": 1.1}, {"quantile": math.nan}, {"slack": 0.0}])
+@pytest.mark.parametrize(
+    "options", [{"quantile": 1.1}, {"quantile": math.nan}, {"slack": 0.0}, {"slack": 1e308}]
+)
 def test_a_share_and_a_factor_are_needed(options):
     with pytest.raises(ParameterError, match=next(iter(options))):
         limits(BEHAVIOUR, [trace(LOW)], **options)
@@ -104,3 +107,9 @@ def test_one_motion_is_needed(capsys):
     with pytest.raises(SystemExit):
         cli.main(["limits", "compass-walking"])
     assert "give a TRACE or --baseline" in capsys.readouterr().err
+
+
+def test_the_time_between_rows_is_of_a_trace_and_not_of_a_baseline(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["limits", "compass-walking", "--baseline", "virtual-gravity", "--dt", "nan"])
+    assert "--dt is for a TRACE" in capsys.readouterr().err

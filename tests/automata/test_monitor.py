@@ -237,6 +237,9 @@ def test_what_cannot_be_watched_is_refused_and_leaves_no_trace(times, columns, w
         (1.0, {"x": 1.0, "y": 0.0}, "sample 2: the time goes from 1 s to 1 s"),
         (math.nan, {"x": 1.0, "y": 0.0}, "sample 2: its time is not a number"),
         (2.0, {"x": 1.0}, "signal y has no value"),
+        (2.0, {"x": 10**400, "y": 0.0}, "signal x must be a number"),
+        (10**400, {"x": 1.0, "y": 0.0}, "the time must be numbers"),
+        (2.0, {"x": "1.0", "y": 0.0}, "signal x must be a number"),
     ],
 )
 def test_a_sample_that_cannot_be_watched_is_refused_and_leaves_no_trace(t, values, words):
@@ -246,6 +249,12 @@ def test_a_sample_that_cannot_be_watched_is_refused_and_leaves_no_trace(t, value
     with pytest.raises(TraceError, match=words):
         monitor.feed(t, values)
     assert monitor.report() == before
+
+
+@pytest.mark.parametrize("options", [{"dt": 0.0}, {"dt": math.nan}, {"flicker": -1.0}, {"flicker": math.inf}])
+def test_times_of_a_monitor_that_are_none_are_refused(options):
+    with pytest.raises(TraceError, match=next(iter(options))):
+        Monitor(one_phase(Comparison("x", ">", 0)), **options)
 
 
 def test_nothing_was_seen_of_an_empty_trace():

@@ -235,6 +235,11 @@ class Picture(Still):
         ),
         (lambda: BehaviourReward(Still(), pacing(Dwell(1.0)), BY_OBSERVATION), "dt is needed"),
         (lambda: BehaviourReward(Picture(), pacing(), WAYS["info"], observe="memory"), "FlattenObservation"),
+        (
+            lambda: BehaviourReward(gymnasium.wrappers.Autoreset(Pacing()), pacing(), WAYS["info"]),
+            "put Autoreset around",
+        ),
+        (lambda: wrapped(weight=float("nan")), "weight must be a finite number, got nan"),
         (lambda: wrapped(form="stai"), "unknown reward form 'stai'; did you mean 'stay'"),
     ],
 )
@@ -450,10 +455,18 @@ def test_a_dictionary_can_be_flattened_first():
     ("fault", "message"),
     [
         (lambda x: x / 0.0, "the environment Failing fails in step 2 with ZeroDivisionError"),
+        (
+            lambda x: (np.zeros(1), 10**5000, False, False, {}),
+            "reward of Failing .* it is one of some 5,000 digits",
+        ),
         (lambda x: (np.zeros(1), math.nan, False, False, {}), "reward of Failing .* after step 2 it is nan"),
         (
             lambda x: (np.full(1, math.nan), 0.0, False, False, {}),
             "observation of Failing has NaN after step 2",
+        ),
+        (
+            lambda x: (np.zeros(1), 0.0, False, False, None),
+            "info of Failing must be a dict, .* step 2 it is None",
         ),
         (lambda x: (np.zeros(1), 0.0, False, {}), "fails in step 2 with ValueError: not enough values"),
     ],

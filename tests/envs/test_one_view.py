@@ -21,7 +21,7 @@ pytestmark = pytest.mark.filterwarnings(r"ignore:os\.fork\(\) was called:Runtime
 ABSENT = None
 TRACES = (
     (ABSENT, 1.0, 1.0, -1.0, ABSENT, 1.0, -1.0, -1.0),
-    (1.0, ABSENT, -1.0, 1.0, 1.0, 1.0, ABSENT, 1.0),
+    (ABSENT, ABSENT, -1.0, 1.0, 1.0, 1.0, ABSENT, 1.0),
     (ABSENT, ABSENT, 1.0, -1.0, 1.0, 1.0, 1.0, ABSENT),
 )
 """What the info has of x after the reset and after every step, for each environment."""
@@ -48,7 +48,7 @@ class Replay(gymnasium.Env):
 
     def info(self):
         x = self.trace[self.count]
-        return {} if x is ABSENT else {"x": x, "deep": {"x": [x], "n": int(x)}}
+        return {} if x is ABSENT else {"x": x, "deep": {"x": [x, 5.0, 6.0], "n": int(x)}}
 
 
 class ReplayAll(gymnasium.vector.VectorEnv):
@@ -95,10 +95,12 @@ WAYS = {
     "two entries": {"x": lambda env, observation, info: info["x"] + 0 * info["deep"]["n"]},
     "entry": signal_sources({"x": "x"}),
     "path": signal_sources({"x": {"info": ["deep", "n"]}}),
+    "path into a list": signal_sources({"x": {"info": ["deep", "x", 0]}}),
 }
 FILLED = {
     "default": {"x": lambda env, observation, info: info.get("x", -1.0)},
     "at reset": signal_sources({"x": {"info": "x", "at_reset": -1.0}}),
+    "list at reset": signal_sources({"x": {"info": ["deep", "x", 0], "at_reset": -1.0}}),
     "path at reset": signal_sources({"x": {"info": ["deep", "n"], "at_reset": -1.0}}),
 }
 
@@ -179,7 +181,7 @@ def test_what_is_absent_is_named_with_when_and_where():
     with pytest.raises(SignalError, match="'x' is NaN after the reset, for the info has no entry 'x' there"):
         BehaviourReward(Replay(TRACES[0]), behaviour(), WAYS["entry"]).reset()
     env = VectorBehaviourReward(SyncVectorEnv(makers()), behaviour(), WAYS["entry"])
-    with pytest.raises(SignalError, match=r"after the reset in environment 0, 2, .* no entry 'x'"):
+    with pytest.raises(SignalError, match=r"after the reset in environment 0, 1, 2, .* no entry 'x'"):
         env.reset()
 
 

@@ -90,6 +90,7 @@ def stepped(way):
         (lambda: Line(0.1), 0.1),
         (lambda: Line(), 1 / 30),
         (lambda: Line(np.float32(0.25)), 0.25),
+        (lambda: Line(np.array(0.25)), 0.25),
         (lambda: gymnasium.wrappers.TimeLimit(Line(0.1), 9), 0.1),
         (lambda: Honest(Line(0.1)), 0.4),
     ],
@@ -111,6 +112,27 @@ def test_where_a_step_is_several_it_is_asked_for():
         ):
             stepped(way)
     for way in ways(lambda: Repeat(Line(0.1)), dt=0.4):
+        stepped(way).close()
+
+
+class Simulated(Line):
+    """Has a simulator, and with it a dt, from the first reset on."""
+
+    @property
+    def dt(self):
+        return self.simulator.dt
+
+
+class Counted(Line):
+    dt = None
+
+
+@pytest.mark.parametrize("make", [Simulated, Counted, lambda: Line("0.1"), lambda: Line(-0.1)])
+def test_a_dt_that_is_no_time_is_asked_for_and_not_taken_from_pictures(make):
+    for way in ways(make):
+        with pytest.raises(ParameterError, match="dt is needed"):
+            way()
+    for way in ways(make, dt=0.4):
         stepped(way).close()
 
 

@@ -227,6 +227,8 @@ def vector(signals, mode=AutoresetMode.NEXT_STEP, **options):
 def test_mistakes_are_named():
     with pytest.raises(ParameterError, match="signal 'x' is missing"):
         vector({})
+    with pytest.raises(ParameterError, match="weight must be a finite number, got inf"):
+        vector(MANY["info"], weight=float("inf"))
     with pytest.raises(ParameterError, match="no id"):
         vector(None)
     silent = SyncVectorEnv([Pacing])

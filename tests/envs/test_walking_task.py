@@ -364,7 +364,7 @@ def test_mistakes_are_refused_where_they_are_made():
     )
     with pytest.raises(ParameterError, match="'knee'"):
         make_task(SETUP, behaviour=lame)
-    for seconds in (0.0, -1.0, float("nan"), float("inf")):
+    for seconds in (0.0, -1.0, float("nan"), float("inf"), 1e308):
         with pytest.raises(ParameterError, match="seconds"):
             make_task(SETUP, seconds=seconds)
     unchecked = inspect.unwrap(make_task)  # as users have it, without the tests' type checks

@@ -226,14 +226,15 @@ def test_a_nan_is_outside_and_does_not_spread():
     ("make", "complaint"),
     [
         (lambda: DescribedReward(with_dwell(WALKING)), "dt is needed"),
-        (lambda: DescribedReward(WALKING, dt=0.0), "dt is 0.0"),
-        (lambda: DescribedReward(WALKING, dt=float("nan")), "dt is nan"),
-        (lambda: DescribedReward(WALKING, cycle_bonus=float("inf")), "cycle_bonus is inf"),
+        (lambda: DescribedReward(WALKING, dt=0.0), "dt must be greater than zero, got 0.0"),
+        (lambda: DescribedReward(WALKING, dt=float("nan")), "dt must be a finite number, got nan"),
+        (lambda: DescribedReward(WALKING, cycle_bonus=float("inf")), "cycle_bonus must be .* got inf"),
+        (lambda: DescribedReward(WALKING, cycle_bonus=10**400), "cycle_bonus must be a finite number"),
         (lambda: DescribedReward(rooms(), cycle_bonus=1.0), "no cycle that a bonus"),
         (lambda: DescribedReward(rooms(), form=Potential(0.9)), "no cycle to make progress"),
         (lambda: DescribedReward(WALKING, form=Potential(0.9, {"O5": 1.0})), "unknown phase 'O5'"),
-        (lambda: Potential(1.01), "discount is 1.01"),
-        (lambda: Potential(0.9, {"O1": float("nan")}), "phase 'O1' is nan"),
+        (lambda: Potential(1.01), "discount must be from 0 to 1, got 1.01"),
+        (lambda: Potential(0.9, {"O1": float("nan")}), "phase 'O1' must be a finite number, got nan"),
     ],
 )
 def test_mistakes_are_named(make, complaint):

@@ -3,10 +3,14 @@ import math
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
+from coachable.behaviours import load_behaviour
+from coachable.envs import EnvironmentProblem
 from coachable.foundation.errors import ParameterError
-from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, RewardSetup, paper_setup
+from coachable.rewards import Potential, Schedule
+from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, DescribedSetup, RewardSetup, paper_setup
 
 
 def test_the_papers_table_of_weights():
@@ -44,6 +48,18 @@ def test_setups_are_values():
     assert RewardSetup("sparse") == PAPER_SETUPS["sparse"]
     with pytest.raises(dataclasses.FrozenInstanceError):
         setattr(PAPER_SETUPS["sparse"], "jerk", 0.0)  # noqa: B010
+
+
+def test_numpys_numbers_make_the_same_setup_with_the_same_hash():
+    number = np.float64(0.5)
+    given = DescribedSetup(name="mine", weight=number, cycle_bonus=number, terms={"alive": np.float32(0.5)})
+    behaviour = load_behaviour("hop")
+    problem = EnvironmentProblem(behaviour=behaviour, env="Hop-v0", signals={"height": np.int64(0)})
+    mine = DescribedSetup(name="mine", weight=0.5, cycle_bonus=0.5, terms={"alive": 0.5})
+    own = EnvironmentProblem(behaviour=behaviour, env="Hop-v0", signals={"height": 0})
+    assert problem.reward_hash(given) == own.reward_hash(mine)
+    for form in (Potential, Schedule):
+        assert repr(form(number).to_data()) == repr(form(0.5).to_data())
 
 
 def test_a_setup_by_its_name():

@@ -120,7 +120,7 @@ def numbers_of(what: str, column: Column, hint: str = "") -> Float[np.ndarray, "
             numbers = column.astype("Float64").to_numpy(np.float64, na_value=math.nan)
         else:
             numbers = np.asarray(column, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError, RuntimeError):
         raise TraceError(f"{what} must be numbers, one a sample{hint}") from None
     if numbers.ndim != 1:
         raise TraceError(f"{what} must be numbers, one a sample, but its shape is {numbers.shape}")

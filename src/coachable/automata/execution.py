@@ -21,9 +21,11 @@ from coachable.automata.hybrid import Flow, HybridAutomaton
 from coachable.behaviours.behaviour import Edge
 from coachable.behaviours.predicates import All, Predicate, holds, phrases_of
 from coachable.behaviours.rewriting import conjuncts
+from coachable.foundation.data import real_number
 from coachable.foundation.errors import ParameterError
 from coachable.plants.event_search import Segment, is_on_guard, next_event
 from coachable.plants.runge_kutta import rk4
+from coachable.plants.sampled import require_few_steps
 
 _SUBSTEP = 2.5e-3
 """The longest Runge–Kutta step [s]."""
@@ -112,12 +114,12 @@ def execute(
 
     **Returns:** the `Execution`. Nothing is raised where the automaton is stuck: see `sentence`.
 
-    **Raises:** `ParameterError` for a negative time, or a `control_dt` that is not positive.
+    **Raises:** `ParameterError` for a negative time, a `control_dt` that is not positive, and for more than a
+    billion control steps.
     """
-    if not 0 <= seconds < math.inf:
-        raise ParameterError(f"seconds is {seconds!r}; it must be a time that is not negative")
-    if not 0 < control_dt < math.inf:
-        raise ParameterError(f"control_dt is {control_dt!r}; it must be a positive number of seconds")
+    real_number(seconds, "seconds", ParameterError, least=0.0)
+    real_number(control_dt, "control_dt", ParameterError, above=0.0)
+    require_few_steps(seconds, control_dt)
     with jax.enable_x64(True):
         return _Executor(automaton, controller).run(jnp.asarray(x0, jnp.float64), seconds, control_dt)
 

@@ -39,14 +39,15 @@ def limits(
 ) -> tuple[Limit, ...]:
     """A limit for each phase: a quantile of its stays, times `slack`, up to the next hundredth of a second.
 
+    It is a hundredth at least, since no phase lasts at most 0 s.
+
     **Arguments:** `parts`: a trace in consecutive parts.
 
-    **Raises:** `ParameterError` for a quantile outside [0, 1], a slack that is not positive, and a trace
-    without samples.
+    **Raises:** `ParameterError` for a quantile outside [0, 1], a slack that is not positive or above 1,000,
+    and a trace without samples.
     """
     real_number(quantile, "quantile", ParameterError, least=0.0, most=1.0)
-    if real_number(slack, "slack", ParameterError) <= 0:
-        raise ParameterError(f"slack is {slack!r}; it must be positive")
+    real_number(slack, "slack", ParameterError, above=0.0, most=1000.0)
     tracker, times, locations = Tracker.of(behaviour), [], []
     previous, held = tracker.none_yet, None
     for part in parts:
@@ -87,7 +88,8 @@ def _limit(stays: Float[np.ndarray, " stays"], quantile: float, slack: float) ->
     if not len(stays):
         return math.nan
     seconds = slack * float(np.quantile(stays, quantile, method="higher"))
-    return math.ceil(100 * seconds - 1e-6) / 100
+    hundredths = 100 * seconds - 1e-6
+    return max(math.ceil(hundredths), 1) / 100 if math.isfinite(hundredths) else seconds
 
 
 def with_limits(document: Document, seconds: Mapping[str, float]) -> str:

@@ -24,6 +24,7 @@ from coachable.automata.trace import (
 from coachable.automata.tracker import CLOCK_TOLERANCE, Tracker
 from coachable.automata.violation import Kind, Violation
 from coachable.behaviours.behaviour import Behaviour, Dwell
+from coachable.foundation.data import real_number, shown
 from coachable.foundation.errors import TraceError
 from coachable.foundation.suggestion import suggestion
 
@@ -74,7 +75,8 @@ class Monitor:
     and a gap right behind the first one is not noticed; `clock`, how times become seconds, by default as
     the first samples show.
 
-    **Raises:** `TraceError` for a behaviour without signals, which no trace could follow or break.
+    **Raises:** `TraceError` for a behaviour without signals, which no trace could follow or break, a `dt`
+    that is not positive and a `flicker` below zero.
     """
 
     def __init__(
@@ -85,6 +87,10 @@ class Monitor:
         flicker: float | None = None,
     ):
         require_signals(behaviour.signals)
+        if dt is not None:
+            real_number(dt, "dt", TraceError, above=0.0)
+        if flicker is not None:
+            real_number(flicker, "flicker", TraceError, least=0.0)
         self.behaviour = behaviour
         self._tracker = Tracker.of(behaviour, flicker)
         self._diagram = DecisionDiagram(self._tracker)
@@ -322,9 +328,11 @@ class Monitor:
         here = {name: values[name] for name in self.behaviour.signal_names}
         for name, value in here.items():
             try:
+                if isinstance(value, str | bytes):
+                    raise TypeError
                 here[name] = math.nan if value is np.ma.masked or value is None else float(value)
-            except (TypeError, ValueError):
-                raise TraceError(f"signal {name} must be a number, but it is {value!r}") from None
+            except (TypeError, ValueError, OverflowError, RuntimeError):
+                raise TraceError(f"signal {name} must be a number, but it is {shown(value)}") from None
         return t, here, clock
 
     def _columns(

@@ -7,7 +7,7 @@ import io
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from pathlib import Path
 
@@ -54,7 +54,7 @@ def read_trace(path: Path, signals: tuple[Signal, ...], dt: float | None = None)
     Parquet, the index of a data frame or a column of dates.
 
     **Raises:** `TraceError` if the file is not there or damaged, if a column is missing, there twice, in
-    another unit or not of numbers, if there is no time or no row, or if time does not increase.
+    another unit or not of finite numbers, if there is no time or no row, or if time does not increase.
     """
     require_signals(signals)
     if not path.is_file():
@@ -80,8 +80,10 @@ def read_trace(path: Path, signals: tuple[Signal, ...], dt: float | None = None)
             else:
                 time = np.arange(rows, rows + batch.num_rows) * dt
             _require_increasing(path, time, previous, rows)
-            rows, previous = rows + len(time), float(time[-1]) if len(time) else previous
+            previous = float(time[-1]) if len(time) else previous
             values = {name: _scaled(_floats(column), factors.get(name)) for name, column in arrays.items()}
+            _require_no_infinity(path, values, rows)
+            rows += len(time)
             yield Trace(time, signals, values, converted, clock.note)
         if not rows:
             raise TraceError(f"{path}: it has a header but no rows")
@@ -125,6 +127,16 @@ def _require_increasing(path: Path, time: np.ndarray, previous: float, num_befor
         require_increasing(time, previous, num_before)
     except TraceError as error:
         raise TraceError(f"{path}: {error}") from None
+
+
+def _require_no_infinity(path: Path, values: Mapping[str, np.ndarray], num_before: int) -> None:
+    """Refuse what no measurement is, and what a number of too many digits is read as."""
+    for name, column in values.items():
+        if (infinite := np.isinf(column)).any():
+            raise TraceError(
+                f"{path}: sample {num_before + int(np.argmax(infinite)) + 1}: {name} is infinite, or larger "
+                "than a number can be; leave it empty where nothing was measured"
+            )
 
 
 def _clause(name: str, column: str, factor: Fraction) -> str:

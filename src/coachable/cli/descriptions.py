@@ -304,6 +304,8 @@ def limits(
 
     if (trace is None) == (baseline is None):
         raise CoachableError("give a TRACE or --baseline, and not both: limits are measured from a motion")
+    if trace is None and dt is not None:
+        raise CoachableError("--dt is for a TRACE without times, and a baseline has its own; leave it out")
     if out is not None:
         require_suffix(out, (".behaviour",))
     file = find_behaviour(behaviour)

@@ -12,8 +12,9 @@ from gymnasium.utils import RecordConstructorArgs
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.observed_memory import MemoryObserver, Observe
-from coachable.envs.signals.reading import OnNaN, Signals, after, reader_of_one, reward_number
+from coachable.envs.signals.reading import OnNaN, Signals, after, reader_of_one, require_info, reward_number
 from coachable.envs.signals.time_step import one_step_counted, time_step
+from coachable.foundation.data import real_number
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.rewards.described_reward import DescribedReward
@@ -56,9 +57,9 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
             numbers they are appended, in a `Dict` they are a further entry.
         key: where the info, and in a `Dict` the memory, is found if `behaviour` is taken.
 
-    **Raises:** `ParameterError` for a missing signal, an observation to which nothing can be appended and
-    what `DescribedReward` raises; from `reset` and `step` `SignalError` for a signal or a reward
-    that is no number.
+    **Raises:** `ParameterError` for a missing signal, a weight that is not finite, an observation to
+    which nothing can be appended and what `DescribedReward` raises; from `reset` and `step` `SignalError` for
+    a signal or a reward that is no number, and an info that is no dict.
     """
 
     def __init__(
@@ -91,7 +92,9 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
             _disable_deepcopy=True,
         )
         gymnasium.Wrapper.__init__(self, env)
+        _require_ends_seen(env)
         require_known_on_nan(on_nan)
+        real_number(weight, "weight", ParameterError)
         self.behaviour_reward = described_reward(env, behaviour, form, dt, cycle_bonus)
         self._run = RunReward(self.behaviour_reward)
         self.on_nan: OnNaN = on_nan
@@ -111,6 +114,7 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         """Begin an episode; nothing is remembered of the last one."""
         self._steps = None
         observation, info = self.env.reset(seed=seed, options=options)
+        require_info(info, self.env, after(0))
         begun = self._run.begin(self._read(self.env, observation, info, 0))
         self._steps = 0
         if self._observer is not None:
@@ -128,6 +132,7 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
                 observation, base, terminated, truncated, info = self.env.step(action)
             self._untried_dt = None
         self._steps += 1
+        require_info(info, self.env, after(self._steps))
         base = reward_number(base, self.env, after(self._steps))
         step = self._run.step(self._read(self.env, observation, info, self._steps), bool(terminated))
         ours = self.weight * step.paid
@@ -162,6 +167,17 @@ def described_reward(
     """The reward of a behaviour in an environment, which knows its own dt."""
     behaviour = behaviour if isinstance(behaviour, Behaviour) else load_behaviour(behaviour)
     return DescribedReward(behaviour, form, time_step(env) if dt is None else dt, cycle_bonus)
+
+
+def _require_ends_seen(env: gymnasium.Env) -> None:
+    """Refuse an environment that begins anew by itself: the next episode would go on from the last one."""
+    while isinstance(env, gymnasium.Wrapper):
+        if isinstance(env, gymnasium.wrappers.Autoreset):
+            raise ParameterError(
+                "Autoreset begins episodes that a BehaviourReward around it does not see; "
+                "put Autoreset around the BehaviourReward"
+            )
+        env = env.env
 
 
 def untried_dt(reward: DescribedReward, dt: int | float | None) -> float | None:

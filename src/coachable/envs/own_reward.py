@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 
 from coachable.envs.signals.pack import environment_name
-from coachable.envs.signals.reading import after, reward_number
+from coachable.envs.signals.reading import after, require_info, reward_number
 from coachable.foundation.errors import CoachableError, ParameterError, SignalError
 
 OWN = "environment"
@@ -23,8 +23,8 @@ class OwnReward(gymnasium.Wrapper):
     weighted sum in place of the environment's own.
 
     **Raises:** from `reset` and `step`, `SignalError` with the environment's name and the step for whatever
-    the environment raises, an observation with NaN, and a reward that is no finite number; from `step`,
-    `ParameterError` for a term that the info does not have.
+    the environment raises, an info that is no dict, an observation with NaN, and a reward that is no finite
+    number; from `step`, `ParameterError` for a term that the info does not have.
     """
 
     def __init__(self, env: gymnasium.Env, terms: Mapping[str, float]):
@@ -39,6 +39,7 @@ class OwnReward(gymnasium.Wrapper):
             observation, info = self.env.reset(seed=seed, options=options)
         except Exception as error:
             raise self._failed("reset", error) from error
+        require_info(info, self.env, after(0))
         self._require_numbers(observation)
         return observation, info
 
@@ -49,6 +50,7 @@ class OwnReward(gymnasium.Wrapper):
             observation, reward, terminated, truncated, info = self.env.step(action)
         except Exception as error:
             raise self._failed(f"step {self._steps}", error) from error
+        require_info(info, self.env, after(self._steps))
         self._require_numbers(observation)
         reward = own = reward_number(reward, self.env, after(self._steps))
         if self._terms:

@@ -17,6 +17,7 @@ from coachable.envs.signals.reading import OnNaN
 from coachable.envs.signals.sources import SignalSources, signal_sources
 from coachable.envs.squashing import Squashing
 from coachable.envs.walking_task import Clock, WalkingTask, make_task
+from coachable.foundation.data import plain
 from coachable.foundation.errors import MissingExtraError, PlanError
 from coachable.foundation.suggestion import suggestion
 from coachable.plants.named import name_of
@@ -184,6 +185,11 @@ class EnvironmentProblem(Problem):
     """Time between two steps [s]; by default the environment's own."""
     on_nan: OnNaN = "raise"
     """What a signal that is NaN does; see `BehaviourReward`."""
+
+    def __post_init__(self):
+        # Numbers of NumPy have no place in a plan, nor in what a reward is known by.
+        for name in ("env_options", "signals", "dt"):
+            object.__setattr__(self, name, plain(getattr(self, name)))
 
     @property
     def robot(self) -> str:

@@ -17,9 +17,10 @@ from jaxtyping import Bool, Float
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.behaviour_reward import described_reward, require_known_on_nan, taken, untried_dt
 from coachable.envs.observed_memory import MemoryObserver, Observe
-from coachable.envs.signals.reading import OnNaN, Signals, after, reader_of_many, reward_numbers
+from coachable.envs.signals.reading import OnNaN, Signals, after, reader_of_many, require_info, reward_numbers
 from coachable.envs.signals.time_step import one_step_counted, require_single_steps
 from coachable.envs.vector_infos import at_the_end, masked, only
+from coachable.foundation.data import real_number
 from coachable.foundation.errors import ParameterError
 from coachable.rewards.described_reward import VERDICTS, RewardMemory, StepInfo
 from coachable.rewards.forms import RewardForm
@@ -61,6 +62,7 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
     ):
         super().__init__(env)
         require_known_on_nan(on_nan)
+        real_number(weight, "weight", ParameterError)
         try:
             self.autoreset_mode = AutoresetMode(env.metadata.get("autoreset_mode"))
         except ValueError:
@@ -97,6 +99,7 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
             if self._memory is None and not chosen.all():
                 raise ResetNeeded("some environments have never been reset; reset them all first")
         observations, infos = self.env.reset(seed=seed, options=options)  # pyright: ignore[reportArgumentType]
+        require_info(infos, self.env, after(0))
         self._steps = 0
         self._begin(chosen, self._signals(observations, infos, "after the reset", chosen))
         self._ended &= ~chosen
@@ -114,6 +117,7 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
                 observations, base, terminated, truncated, infos = self.env.step(actions)
             self._untried_dt = None
         self._steps += 1
+        require_info(infos, self.env, after(self._steps))
         base = reward_numbers(base, self.env, after(self._steps))
         everyone, ended = np.ones(self.num_envs, bool), np.asarray(terminated | truncated)
         begun_in_the_step = ended & (self.autoreset_mode is AutoresetMode.SAME_STEP)

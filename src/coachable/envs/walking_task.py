@@ -12,6 +12,7 @@ from coachable.behaviours.library import load_behaviour
 from coachable.envs.squashing import SQUASHINGS, Squashing
 from coachable.envs.task import Task as Task
 from coachable.envs.task import Timestep as Timestep
+from coachable.foundation.data import real_number
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
@@ -254,8 +255,8 @@ def make_task(
         shared_evaluation_every: see `WalkingTask`; `SHARED_EVALUATION_EVERY` in released-code training.
 
     Raises `ParameterError` for an unknown plant, semantics, variant, clock or squashing, for parameters of
-    another plant, for an episode shorter than one control step, and for a behaviour that reads signals the
-    plant does not have.
+    another plant, for an episode shorter than one control step or longer than 100,000 s, and for a
+    behaviour that reads signals the plant does not have.
     """
     for what, value, known in (
         ("semantics", semantics, _SEMANTICS),
@@ -264,10 +265,7 @@ def make_task(
     ):
         if value not in known:
             raise ParameterError(f"unknown {what} {value!r}; {suggestion(value, known)}")
-    if not 0.01 <= seconds < math.inf:
-        raise ParameterError(
-            f"seconds must be finite and at least one control step, 0.01 s, but it is {seconds!r}"
-        )
+    seconds = real_number(seconds, "seconds", ParameterError, least=0.01, most=100_000)
     paper = semantics == "paper"
     plant = make_plant(plant, parameters).under(semantics)
     behaviour = behaviour or load_behaviour(plant.behaviour_under(semantics))

@@ -36,7 +36,26 @@ _NOT_SETTINGS = {
     "action_noise",
     "_init_setup_model",
 }
-_AT_LEAST_ONE = ("batch_size", "buffer_size", "n_epochs", "policy_delay", "target_update_interval")
+_AT_LEAST_ONE = (
+    "batch_size",
+    "buffer_size",
+    "n_envs",
+    "n_epochs",
+    "n_steps",
+    "policy_delay",
+    "target_update_interval",
+    "train_freq",
+)
+_SHARES = ("gamma", "gae_lambda", "tau")
+"""Settings from 0 to 1."""
+_ELSEWHERE = {
+    "policy": "it is MlpPolicy; leave it out",
+    "n_timesteps": "write steps in the plan, outside of the trainer's settings",
+    "noise_type": "it is normal noise, of the deviation noise_std; leave it out",
+    "env_wrapper": "put the wrapper around the environment where it is registered",
+    "frame_stack": "put the wrapper around the environment where it is registered",
+}
+"""What the zoo's files have beside, and where it is here."""
 _SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf")
 """Settings that may fall over a training."""
 _NORMALIZE = ("norm_obs", "norm_reward", "clip_obs", "clip_reward")
@@ -69,7 +88,8 @@ def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
     defaults |= {"normalize": False} | ({"n_envs": 1} if trainer == "sb3-ppo" else {"noise_std": 0.0})
     for name, value in settings.items():
         if name not in defaults:
-            raise PlanError(f"{trainer} has no setting {name!r}; {suggestion(name, defaults)}")
+            hint = _ELSEWHERE.get(name) or suggestion(name, defaults)
+            raise PlanError(f"{trainer} has no setting {name!r}; {hint}")
         if name == "normalize" and isinstance(value, Mapping):
             _check_normalize(trainer, value)
             continue
@@ -91,7 +111,9 @@ def check_settings(trainer: str, settings: Mapping[str, Any]) -> None:
         if kind is int:
             whole_number(value, f"{trainer}: {name}", PlanError, -1, 10**8)
         elif kind is float:
-            real_number(value, f"{trainer}: {name}", PlanError)
+            bounds = {"least": 0.0, "most": 1.0} if name in _SHARES else {}
+            bounds |= {"least": 0.0} if name == "noise_std" else {}
+            real_number(value, f"{trainer}: {name}", PlanError, **bounds)
     arguments = settings.get("policy_kwargs", {})
     if not isinstance(arguments, Mapping):
         raise PlanError(f"{trainer}: policy_kwargs must be a table, got {arguments!r}")

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from coachable.foundation.errors import ParameterError
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
 from coachable.plants.integrate import Advance, advance
 from coachable.plants.outcome import Outcome
@@ -28,6 +29,8 @@ CLOCKS: tuple[Clock, ...] = ("free", "touchdown")
 
 MORE_SAMPLES = 1.1
 """Where touchdowns restart the clock a walk may take so many times seconds / control_dt samples."""
+
+_MOST_STEPS = 10**9
 
 TIME_TOLERANCE = 1e-3
 """Time is up this share of a control step early: sums of short steps are not exact."""
@@ -51,8 +54,23 @@ class Sampling:
         return self.clock == "touchdown"
 
     def num_steps(self, seconds: float) -> int:
-        """How many control steps to allow for so many seconds of a walk."""
+        """How many control steps to allow for so many seconds of a walk.
+
+        **Raises:** `ParameterError` for more than a billion.
+        """
+        require_few_steps(seconds, self.control_dt)
         return round(seconds / self.control_dt * (MORE_SAMPLES if self.restarts else 1))
+
+
+def require_few_steps(seconds: float, control_dt: float) -> None:
+    """Refuse a walk that no computer ends.
+
+    **Raises:** `ParameterError` for more than a billion control steps.
+    """
+    if not seconds / control_dt <= _MOST_STEPS:
+        raise ParameterError(
+            f"seconds is {seconds!r}, more than {_MOST_STEPS:,} control steps of {control_dt!r} s"
+        )
 
 
 class SampledState(eqx.Module):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -14,6 +13,7 @@ from coachable.automata.classifier import array_library
 from coachable.automata.cycle_progress import Pairs, Progress, along_cycle, pairs
 from coachable.automata.tracker import Memory, Move, Tracker
 from coachable.behaviours.behaviour import Behaviour
+from coachable.foundation.data import real_number
 from coachable.foundation.errors import ParameterError
 from coachable.rewards.forms import BoundForm, RewardForm, Step, form_of
 from coachable.rewards.forms.form import OUTSIDE, beside
@@ -85,15 +85,14 @@ class DescribedReward:
 
     def __post_init__(self):
         object.__setattr__(self, "form", form_of(self.form))
-        if self.dt is not None and not 0 < self.dt < math.inf:
-            raise ParameterError(f"dt is {self.dt!r}; it must be a positive number of seconds")
+        if self.dt is not None:
+            real_number(self.dt, "dt", ParameterError, above=0.0)
         if self.dt is None and self.tracker.has_dwells:
             raise ParameterError(
                 f"behaviour {self.behaviour.name!r} limits how long phases last, so dt is needed: the time "
                 "between two steps in seconds"
             )
-        if not math.isfinite(self.cycle_bonus):
-            raise ParameterError(f"cycle_bonus is {self.cycle_bonus!r}; it must be finite")
+        real_number(self.cycle_bonus, "cycle_bonus", ParameterError)
         if self.cycle_bonus and not self.behaviour.cycles:
             raise ParameterError(f"behaviour {self.behaviour.name!r} has no cycle that a bonus could be for")
         _ = self.bound_form

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal
 
-from coachable.foundation.data import real, real_number, shown
+from coachable.foundation.data import plain, real, real_number, shown
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.rewards.forms import RewardForm, form_from_data
@@ -107,6 +107,9 @@ class DescribedSetup:
             raise ParameterError(f"observe = {self.observe!r}: {hint}")
         for key, value in {"weight": self.weight, "cycle_bonus": self.cycle_bonus, **self.terms}.items():
             real_number(value, key, ParameterError)
+        # NumPy's numbers have other names in the reward's hash.
+        for key in ("weight", "cycle_bonus", "terms"):
+            object.__setattr__(self, key, plain(getattr(self, key)))
 
     @property
     def form(self) -> RewardForm:

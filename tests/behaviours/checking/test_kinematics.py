@@ -13,7 +13,10 @@ pytest.importorskip("ival", reason="needs the [verify] extra: pip install 'coach
 FOOT = "0.45 * {0}(hip) + 0.5 * {0}(hip - knee)"
 TOE = FOOT + " + 0.2 * {0}(hip - knee - ankle)"
 DOWN, AHEAD = FOOT.format("cos"), FOOT.format("sin")
+DISTANCE = " + ".join(f"({TOE.format(wave)}) * ({TOE.format(wave)})" for wave in ("cos", "sin"))
+ARM = TOE + " + 0.05 * {0}(hip - knee - ankle - toe) + 0.3 * {0}(trunk)"
 ANGLES = ("hip", "knee", "ankle")
+JOINTS = (*ANGLES, "toe", "trunk")
 RNG = np.random.default_rng(5)
 
 LEGS = """behaviour "legs"
@@ -41,7 +44,7 @@ cycle
 
 def said(condition):
     """The predicate of a phase that says so."""
-    signals = "".join(f"  {name} [rad]\n" for name in ANGLES)
+    signals = "".join(f"  {name} [rad]\n" for name in JOINTS)
     return parse(f'behaviour "one"\nsignals\n{signals}phases\n  P: {condition}\n').phases[0].predicate
 
 
@@ -55,11 +58,12 @@ def said(condition):
         "sin(hip) * cos(knee) > 0.9, sin(hip - knee) > 0.85",
         "cos(2 * hip) > 0.9, cos(hip) < -0.9",
         f"{DOWN} > 0.9499",
+        f"{ARM.format('cos')} > 1.18, {ARM.format('sin')} > 0.89",
     ],
 )
 def test_a_state_is_found_in_which_it_holds(condition):
     predicate = said(condition)
-    state = witness(ANGLES, predicate)
+    state = witness(JOINTS, predicate)
     assert state
     assert holds(predicate, state)
 
@@ -76,6 +80,11 @@ def test_a_state_is_found_in_which_it_holds(condition):
         "cos(2 * hip) > 0.9, abs(cos(hip)) < 0.9",
         "sin(hip) + sin(knee) > 1.2, hip = 0.1 within 0.05",
         "sin(hip - knee) + sin(knee - hip) > 0",
+        "sin(hip + knee) - sin(hip) * cos(knee) - cos(hip) * sin(knee) > 0.001",
+        f"{DISTANCE} > 1.34",
+        f"({DOWN}) * ({DOWN}) + ({AHEAD}) * ({AHEAD}) < 0.0026, 0 < knee < 3.1",
+        "sin(hip) * sin(hip) * sin(hip) > 0.9, sin(3 * hip) > 0.1",
+        f"{TOE.format('cos')} > 0.9, {TOE.format('sin')} < -0.72",
     ],
 )
 def test_what_holds_nowhere_is_refuted_and_in_no_sample(condition):

@@ -23,6 +23,12 @@ EQUAL = [
     ("rad*m", "m"),
     ("", "1"),
     ("step", "step"),
+    ("m/s2", "m/s^2"),
+    ("m s-2", "m/s^2"),
+    ("kg m2 s-2", "J"),
+    ("rad/sec", "rad/s"),
+    ("degrees/second", "deg/s"),
+    ("μs", "µs"),
 ]
 DIFFERENT = [
     ("deg", "rad"),
@@ -35,6 +41,8 @@ DIFFERENT = [
     ("step", ""),
     ("step", "jump"),
     ("rad", "m"),
+    ("step2", "step^2"),
+    ("m2", "m"),
 ]
 
 

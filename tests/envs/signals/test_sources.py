@@ -60,6 +60,11 @@ def test_an_entry_that_is_missing_and_has_no_other_is_a_key_error():
         signal_sources({"signal": "missing"})["signal"](None, None, INFO)
 
 
+def test_numbers_of_numpy_are_numbers():
+    given = {"x": np.int64(1), "y": {"info": "speed", "at_reset": np.float32(0.25)}}
+    assert signal_sources(given).to_data() == {"x": 1, "y": {"info": "speed", "at_reset": 0.25}}
+
+
 def test_without_sources_the_pack_is_read():
     assert signal_sources({}) is None
 

@@ -83,7 +83,7 @@ def test_a_form_of_your_own_is_named_by_its_module(own_module):
         ),
         ({"form": "potential", "discount": "0.9"}, "form.discount must be a number, got '0.9'"),
         ({"form": "potential", "discount": True}, "form.discount must be a number, got True"),
-        ({"form": "potential", "discount": 2}, "discount is 2; it must be between 0 and 1"),
+        ({"form": "potential", "discount": 2}, "discount must be from 0 to 1, got 2"),
         ({"form": "potential", "discount": 1, "potential": 3}, "form.potential must be a table, got 3"),
         (
             {"form": "potential", "discount": 1, "potential": {"O1": "a"}},

@@ -1,6 +1,7 @@
 """What the checker proves is so, and what is not so it does not prove."""
 
 import ast
+import functools
 import json
 import sys
 
@@ -226,6 +227,7 @@ def test_sub_boxes_leave_nothing_out(held_gait):
         (("box", "radii"), [True, True, True]),
         (("method", "order"), 10**400),
         (("strides",), "1"),
+        (("box", "centre"), functools.reduce(lambda inside, _: [inside], range(60), 0.3)),
     ],
 )
 def test_what_is_no_certificate_is_refused(held_gait, path, value):
@@ -244,6 +246,7 @@ def test_what_is_no_certificate_is_refused(held_gait, path, value):
         ("low", ["-2.0", "-2.0"]),
         ("squashing", "relu"),
         ("biases", [[0.0, 0.0]]),
+        ("biases", np.float64(0.0)),
     ],
 )
 def test_a_network_that_says_more_or_other_than_is_proven_is_refused(held_gait, key, value):

@@ -50,6 +50,22 @@ _KNOWN: Mapping[str, tuple[float | Fraction, Mapping[str, int]]] = MappingProxyT
         "V": (Fraction(1), {"kg": 1, "m": 2, "s": -3, "A": -1}),
     }
 )
+_OTHER_WORDS: Mapping[str, str] = MappingProxyType(
+    {
+        word: unit
+        for unit, words in {
+            "rad": ("radian", "radians"),
+            "deg": ("degree", "degrees"),
+            "m": ("meter", "meters", "metre", "metres"),
+            "s": ("sec", "secs", "second", "seconds"),
+            "N": ("newton", "newtons"),
+            "µs": ("μs",),  # the Greek letter in place of the sign for micro
+        }.items()
+        for word in words
+    }
+)
+_WITH_POWER = re.compile(r"(\D+?)([+-]?\d{1,3})")
+"""As in `m/s2` and `m s-2`, of a known word: others may end in digits."""
 _FACTOR = re.compile(r"([^\s*·/^\d()][^\s*·/^()]*|1)(?:(?:\^|\*\*)([+-]?\d{1,3}))?")
 _SUPERSCRIPT = re.compile("[⁺⁻]?[⁰¹²³⁴-⁹]+")
 _PLAIN = str.maketrans("⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+-0123456789")
@@ -121,7 +137,7 @@ def parse_unit(text: str) -> Unit:
     """The unit that a text such as `rad/s`, `m/s^2`, `N*m`, `1/s` or `%` names; of no text, `NONE`.
 
     Factors are joined by `*`, `·`, `.`, `-`, a space or `/`, and `/` divides by the one factor behind it.
-    Powers are written `s^2`, `s**2` or `s²`.
+    Powers are written `s^2`, `s**2`, `s²` or, of a word that is known, `s2`.
 
     **Raises:** `BehaviourError` for what cannot be read so.
     """
@@ -132,8 +148,9 @@ def parse_unit(text: str) -> Unit:
         factor = _FACTOR.match(text, position)
         if factor is None:
             raise BehaviourError(f"unit {text!r}: {text[position:]!r} is not a unit; write such as 'm/s^2'")
-        scale, powers = _KNOWN.get(factor[1], (Fraction(1), {factor[1]: 1}))
-        power = int(factor[2] or 1)
+        word, digits = _word_and_power(factor)
+        scale, powers = _KNOWN.get(word, (Fraction(1), {word: 1}))
+        power = int(digits or 1)
         unit = unit.times(_raised(Unit(scale, tuple(sorted(powers.items()))), power), -1 if divide else 1)
         position = factor.end()
         if position < len(text):
@@ -143,6 +160,16 @@ def parse_unit(text: str) -> Unit:
             divide = "/" in between[0]
             position = between.end()
     return unit
+
+
+def _word_and_power(factor: re.Match[str]) -> tuple[str, str | None]:
+    """A factor's word, by its usual name, and the power that it has."""
+    word, power = _OTHER_WORDS.get(factor[1], factor[1]), factor[2]
+    if word not in _KNOWN and power is None and (split := _WITH_POWER.fullmatch(word)):
+        base = _OTHER_WORDS.get(split[1], split[1])
+        if base in _KNOWN:
+            return base, split[2]
+    return word, power
 
 
 def exact_factor(unit: str, wanted: str) -> Fraction | None:
@@ -171,6 +198,6 @@ def _raised(unit: Unit, power: int) -> Unit:
 
 def unfamiliar(text: str) -> dict[str, str | None]:
     """The words of a unit that are not known, each with the known one it may be a misspelling of."""
-    words = [factor[1] for factor in _FACTOR.finditer(text)]
+    words = [_word_and_power(factor)[0] for factor in _FACTOR.finditer(text)]
     near = {word: get_close_matches(word, _KNOWN, n=1, cutoff=0.7) for word in words if word not in _KNOWN}
     return {word: matches[0] if matches else None for word, matches in near.items()}

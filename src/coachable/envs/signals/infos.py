@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -56,7 +58,7 @@ class Infos(dict[str, Any]):
     def get(self, key: Any, default: Any = None) -> Any:
         """The entry, with the default for every environment that lacks it."""
         if key not in self:
-            return default
+            return default if default is None else self._of_each(default)
         value = self[key]
         if default is None or isinstance(value, dict):
             return value
@@ -69,13 +71,16 @@ class Infos(dict[str, Any]):
         for part in path:
             if isinstance(value, Infos):
                 if part not in value:
-                    return other
+                    return self._of_each(other)
                 present &= value._present(part)
                 value = dict.__getitem__(value, part)
             else:
-                index: Any = (..., part) if isinstance(value, np.ndarray) else part
-                value = value[index]
+                value = entry_of(value, part, many=True)
         return _where(present, value, other)
+
+    def _of_each(self, value: Any) -> Any:
+        """A number for every environment; whatever else it is stays as it is."""
+        return np.full(self._num_envs, value) if isinstance(value, Real) else value
 
     def forget(self) -> None:
         """Nothing has been read."""
@@ -97,6 +102,15 @@ class Infos(dict[str, Any]):
         if isinstance(mask, np.ndarray) and mask.dtype == bool and mask.shape == (self._num_envs,):
             return mask
         return np.ones(self._num_envs, bool)
+
+
+def entry_of(value: Any, part: str | int, many: bool) -> Any:
+    """An entry of a list or of an array, of whose last axis; with `many`, of that of each environment."""
+    if not isinstance(value, np.ndarray):
+        return value[part]
+    if many and value.dtype == object:  # lists, of which Gymnasium makes no array; None where there is none
+        return np.array([math.nan if one is None else one[part] for one in value])
+    return value[..., part]
 
 
 def _where(chosen: Envs, value: Any, other: Any) -> Any:

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from coachable.envs.signals.infos import AbsentEntry, Envs, Info, Infos
 from coachable.envs.signals.pack import SIGNAL_PACKS, RowReader, SignalPack, environment_name, signal_pack
 from coachable.envs.signals.sources import SignalFunction, Signals, SignalSources
+from coachable.foundation.data import shown
 from coachable.foundation.errors import ParameterError, SignalError
 from coachable.foundation.suggestion import suggestion
 
@@ -225,7 +226,8 @@ def reward_number(reward: Any, env: Any, when: str, term: str = "") -> float:
     if number is None or not math.isfinite(number):
         what = f"term {term!r} of the reward" if term else "reward"
         raise SignalError(
-            f"the {what} of {environment_name(env)} must be one finite number, but {when} it is {reward!r}"
+            f"the {what} of {environment_name(env)} must be one finite number, "
+            f"but {when} it is {shown(reward)}"
         )
     return number
 
@@ -239,7 +241,7 @@ def reward_numbers(rewards: Any, env: gymnasium.vector.VectorEnv, when: str) -> 
     if array.dtype.kind not in "biuf" or array.shape != (env.num_envs,):
         raise SignalError(
             f"the rewards of {env} must be {env.num_envs} numbers, one an environment, but {when} they are "
-            f"{rewards!r}"
+            f"{shown(rewards)}"
         )
     if not (finite := np.isfinite(array)).all():
         where = ", ".join(map(str, np.flatnonzero(~finite)))
@@ -248,6 +250,14 @@ def reward_numbers(rewards: Any, env: gymnasium.vector.VectorEnv, when: str) -> 
             f"{array[~finite][0]}: {env}"
         )
     return array
+
+
+def require_info(info: Any, env: Any, when: str) -> None:
+    """**Raises:** `SignalError`, naming the environment and the step, for an info that is no dict."""
+    if not isinstance(info, Mapping):
+        raise SignalError(
+            f"the info of {environment_name(env)} must be a dict, but {when} it is {shown(info)}"
+        )
 
 
 def _is_nan(name: str, when: str, absent: str) -> str:
@@ -299,9 +309,9 @@ def _array(
         real = _is_real(array)
         numbers = array.astype(np.float64) if real else array
     except (TypeError, ValueError, OverflowError, RuntimeError):
-        raise SignalError(f"signal {name!r} must be {wanted}, but {when} it is {value!r}") from None
+        raise SignalError(f"signal {name!r} must be {wanted}, but {when} it is {shown(value)}") from None
     if numbers.shape != shape:
         raise SignalError(f"signal {name!r} must be {wanted}, but {when} its shape is {numbers.shape}")
     if not real:
-        raise SignalError(f"signal {name!r} must be {wanted}, but {when} it is {value!r}")
+        raise SignalError(f"signal {name!r} must be {wanted}, but {when} it is {shown(value)}")
     return numbers

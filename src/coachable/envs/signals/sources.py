@@ -22,8 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from coachable.envs.signals.infos import Infos
+from coachable.envs.signals.infos import Infos, entry_of
 from coachable.envs.signals.pack import SignalPack, signal_pack
+from coachable.foundation.data import plain
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.objects import object_named
 from coachable.foundation.suggestion import suggestion
@@ -45,7 +46,7 @@ class ObservationEntry:
         """The entry."""
         entry: Any = observation
         for part in self.path:
-            entry = _column(entry, part) if isinstance(part, int) else entry[part]
+            entry = entry_of(entry, part, many=False) if isinstance(part, int) else entry[part]
         return entry
 
     def to_data(self) -> Any:
@@ -170,6 +171,7 @@ def signal_sources(data: Mapping[str, Any]) -> SignalSources | None:
     """
     if not data:
         return None
+    data = plain(data)
     packs = {"pack": data["pack"]} if isinstance(data.get("pack"), str) else {}
     sources = {name: _source(source, f"signals.{name}") for name, source in data.items() if name not in packs}
     return SignalSources(MappingProxyType(sources), signal_pack(packs["pack"]) if packs else None)
@@ -218,11 +220,8 @@ def _path_to_data(path: Path) -> Any:
     return path[0] if len(path) == 1 else [*path]
 
 
-def _column(entry: Any, number: int) -> Any:
-    return entry[..., number] if isinstance(entry, np.ndarray) else entry[number]
-
-
 def _followed(value: Any, path: Path) -> Any:
+    many = isinstance(value, Infos)
     for part in path:
-        value = _column(value, part) if isinstance(part, int) else value[part]
+        value = entry_of(value, part, many) if isinstance(part, int) else value[part]
     return value

@@ -19,9 +19,10 @@ _REAL = int | float | np.integer | np.floating
 def time_step(env: Any) -> float | None:
     """The time between two steps [s] that an environment gives: its `dt`, or the time of a picture.
 
-    A `dt` of a wrapper comes before that of what it is around. Of a vector environment that has no `dt`, the
-    environments are asked; where they are in other processes, one more is made by the same function, asked
-    and closed.
+    A `dt` of a wrapper comes before that of what it is around. Where it is no number, or not before the first
+    reset, the time is not known: that of a picture does not take its place. Of a vector environment that has
+    no `dt`, the environments are asked; where they are in other processes, one more is made by the same
+    function, asked and closed.
 
     **Raises:** `ParameterError`, with the candidates, if the environments of a vector environment differ.
     """
@@ -89,13 +90,23 @@ def repeated(env: Any, dt: float, count: int) -> ParameterError:
     )
 
 
-def _own_dt(env: Any) -> tuple[Any, float] | None:
-    """The outermost layer that has a `dt`, and that."""
+def _own_dt(env: Any) -> tuple[Any, float | None] | None:
+    """The outermost layer that has a `dt`, and that; `None` in its place where it is no time."""
     for layer in _layers(env):
-        dt = getattr(layer, "dt", None)
-        if isinstance(dt, _REAL) and not isinstance(dt, bool) and 0 < dt < math.inf:
-            return layer, float(dt)
+        try:
+            if hasattr(layer, "dt") or hasattr(type(layer), "dt"):
+                return layer, _time(layer.dt)
+        except Exception:
+            return layer, None
     return None
+
+
+def _time(dt: Any) -> float | None:
+    """The positive number that it is, be it in an array of no dimensions."""
+    array = np.asarray(dt)
+    if array.shape != () or array.dtype.kind not in "iuf":
+        return None
+    return float(array) if 0 < array < math.inf else None
 
 
 def _inner(env: Any) -> Any:

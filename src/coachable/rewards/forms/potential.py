@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,6 +13,7 @@ from jaxtyping import Float, Int
 
 from coachable.automata.classifier import array_library
 from coachable.behaviours.behaviour import Behaviour
+from coachable.foundation.data import plain, real_number
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.rewards.forms.form import BoundForm, Payment, RewardForm, Step
@@ -40,13 +40,12 @@ class Potential(RewardForm):
     potential: Mapping[str, int | float] | None = field(default=None, hash=False)
 
     def __post_init__(self):
-        if not 0 <= self.discount <= 1:
-            raise ParameterError(f"discount is {self.discount!r}; it must be between 0 and 1")
+        real_number(self.discount, "discount", ParameterError, least=0.0, most=1.0)
+        object.__setattr__(self, "discount", plain(self.discount))
         if self.potential is not None:
-            object.__setattr__(self, "potential", MappingProxyType(dict(self.potential)))
+            object.__setattr__(self, "potential", MappingProxyType(plain(dict(self.potential))))
             for name, value in self.potential.items():
-                if not math.isfinite(value):
-                    raise ParameterError(f"the potential of phase {name!r} is {value!r}; it must be finite")
+                real_number(value, f"the potential of phase {name!r}", ParameterError)
 
     def __reduce__(self):
         # A read-only view of a mapping cannot be sent to another process.

@@ -15,6 +15,7 @@ from coachable.automata.classifier import array_library
 from coachable.automata.cycle_progress import pairs
 from coachable.automata.tracker import CLOCK_TOLERANCE
 from coachable.behaviours.behaviour import Behaviour, Dwell
+from coachable.foundation.data import plain, real_number
 from coachable.foundation.errors import ParameterError
 from coachable.rewards.forms.form import BoundForm, Payment, RewardForm, Step, beside
 
@@ -54,8 +55,8 @@ class Schedule(RewardForm):
     skip_fine: int | float = 0.0
 
     def __post_init__(self):
-        if not 0 <= self.skip_fine <= 1:
-            raise ParameterError(f"skip_fine is {self.skip_fine!r}; it must be between 0 and 1")
+        real_number(self.skip_fine, "skip_fine", ParameterError, least=0.0, most=1.0)
+        object.__setattr__(self, "skip_fine", plain(self.skip_fine))
 
     def bind(self, behaviour: Behaviour, dt: int | float | None) -> BoundSchedule:
         """The expected run of the behaviour.

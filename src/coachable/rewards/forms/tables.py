@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,6 +15,7 @@ from coachable.automata.classifier import array_library
 from coachable.automata.cycle_progress import pairs
 from coachable.automata.tracker import Move
 from coachable.behaviours.behaviour import Behaviour
+from coachable.foundation.data import plain, real_number
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.rewards.forms.form import BoundForm, Payment, RewardForm, Step, beside
@@ -100,8 +100,9 @@ class Stay(TableForm):
     """The longest such absence [s]; by default one step."""
 
     def __post_init__(self):
-        if self.flicker is not None and not 0 <= self.flicker < math.inf:
-            raise ParameterError(f"flicker is {self.flicker!r}; it must be a time in seconds, or 0 for none")
+        if self.flicker is not None:
+            real_number(self.flicker, "flicker", ParameterError, least=0.0)
+            object.__setattr__(self, "flicker", plain(self.flicker))
 
 
 @dataclass(frozen=True)

@@ -153,7 +153,7 @@ def values(part: Mapping[str, Any], *names: str) -> list:
 def decimal(text: Any, above: float = -math.inf) -> Interval:
     """The tightest interval around a decimal number above a bound; 9.807 is not a float."""
     fits = isinstance(text, str) and re.fullmatch(r"-?[0-9]{1,30}(\.[0-9]{1,30})?", text)
-    require(fits, f"{text!r} should be a decimal number in quotation marks", CertificateError)
+    require(fits, f"{text!r:.99} should be a decimal number in quotation marks", CertificateError)
     require(Fraction(text) > above, f"{text!r} should be above {above}", CertificateError)
     return Interval(Fraction(text))
 
@@ -494,7 +494,7 @@ def read(data: Mapping[str, Any]) -> tuple[Loop, Box, int, tuple[int, ...], str]
             raise ValueError("the controller should be virtual gravity, or a network that is held")
         require(hold in (None, length), "a time step should be as long as a torque is held", ValueError)
         where = Box(floats(centre, 3, 1), floats(basis, 3, 3), floats(radii, 3, 1))
-    except (KeyError, TypeError, ValueError, ArithmeticError) as error:
+    except (LookupError, TypeError, ValueError, ArithmeticError, RuntimeError) as error:
         raise CertificateError(f"this is no certificate: {type(error).__name__}: {error}") from None
     described += f", set at touchdown and every {hold} s after it" if hold else ", continuous"
     claim = (

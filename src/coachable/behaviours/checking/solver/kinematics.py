@@ -14,7 +14,8 @@ from __future__ import annotations
 import itertools
 import math
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from importlib.util import find_spec
@@ -46,6 +47,7 @@ Signs = frozenset[int]
 
 _SIGNS = {">": {1}, ">=": {0, 1}, "<": {-1}, "<=": {-1, 0}}
 _MOST_TERMS, _SAMPLES, _MOST_BOXES, _ROUNDS = 64, 4096, 40_000, 60
+_MOST_WAVES = 6
 _TURN = Fraction(6283185308, 10**9)
 """A little more than 2π."""
 
@@ -76,7 +78,8 @@ def decide(signals: Sequence[str], predicates: Sequence[Predicate]) -> Decision:
         if answer is not None:
             return answer
     for system in systems:
-        answers.append(_branched(system, signals, predicates))
+        answer = False if _out_of_reach(system) else _branched(system, signals, predicates)
+        answers.append(_climbed(system, signals, predicates) if answer is None else answer)
         if answers[-1] not in (None, False):
             return answers[-1]
     return False if all(answer is False for answer in answers) else None
@@ -171,10 +174,56 @@ def _polynomial(expression: Expression) -> Polynomial:
             case Arithmetic(operator="/") if set(operands[1]) == {()} and operands[1][()]:
                 return _product(operands[0], {(): 1 / operands[1][()]})
             case Call("sin" | "cos" as function):
-                return _wave(function, operands[0])
+                return _wave_of(function, operands[0])
         raise _BeyondReach
 
-    return {powers: number for powers, number in fold(expression, of).items() if number}
+    given = _without_zeros(fold(expression, of))
+    summed = _with_few_products(given)
+    return summed if len(summed) <= len(given) else given
+
+
+def _without_zeros(polynomial: Polynomial) -> Polynomial:
+    return {powers: number for powers, number in polynomial.items() if number}
+
+
+def _with_few_products(polynomial: Polynomial) -> Polynomial:
+    """The polynomial with sums of angles in place of products of waves, as in 2 sin a cos b.
+
+    Squares of distances lose most of their terms by that, and what cancels is gone. A product of many waves
+    would become too many sums, and is left.
+    """
+    found: Polynomial = {}
+    for powers, number in polynomial.items():
+        waves = [atom for atom in powers if atom[0] != "var"]
+        others = tuple(atom for atom in powers if atom[0] == "var")
+        if len(waves) > _MOST_WAVES:
+            found = _total(found, {powers: number})
+            continue
+        sums: Polynomial = {(): number}
+        for wave in waves:
+            sums = _times_wave(sums, wave)
+        found = _total(found, {tuple(sorted((*others, *sum_))): x for sum_, x in sums.items()})
+    return _without_zeros(found)
+
+
+def _times_wave(sums: Polynomial, wave: Atom) -> Polynomial:
+    """Multiples of single waves, times another one, as such again."""
+    found: Polynomial = {}
+    for powers, number in sums.items():
+        if not powers:
+            found = _total(found, _wave(wave[0], wave[1], wave[2], number))
+            continue
+        (first,) = powers
+        sines = (first[0] == "sin") + (wave[0] == "sin")
+        one, other = (wave, first) if first[0] == "cos" else (first, wave)  # a sine first, if there is any
+        for sign in (1, -1):
+            angle = dict(one[1])
+            for name, multiple in other[1]:
+                angle[name] = angle.get(name, Fraction(0)) + sign * multiple
+            half = number / (-2 if sines == 2 and sign == 1 else 2)
+            kind = "sin" if sines == 1 else "cos"
+            found = _total(found, _wave(kind, angle.items(), one[2] + sign * other[2], half))
+    return found
 
 
 def _total(one: Polynomial, other: Polynomial) -> Polynomial:
@@ -191,7 +240,7 @@ def _product(one: Polynomial, other: Polynomial) -> Polynomial:
     return found
 
 
-def _wave(function: str, angle: Polynomial) -> Polynomial:
+def _wave_of(function: str, angle: Polynomial) -> Polynomial:
     multiples, offset = {}, Fraction(0)
     for powers, number in angle.items():
         if not powers:
@@ -200,10 +249,18 @@ def _wave(function: str, angle: Polynomial) -> Polynomial:
             multiples[powers[0][1][0][0]] = number
         else:
             raise _BeyondReach
-    used = sorted((name, number) for name, number in multiples.items() if number)
+    return _wave(function, multiples.items(), offset, Fraction(1))
+
+
+def _wave(
+    function: str, multiples: Iterable[tuple[str, Fraction]], offset: Fraction, factor: Fraction
+) -> Polynomial:
+    used = sorted((name, number) for name, number in multiples if number)
+    if not used and not offset:
+        return {(): factor} if function == "cos" else {}
     sign = -1 if (used[0][1] if used else offset) < 0 else 1
     atom = (function, tuple((name, sign * number) for name, number in used), sign * offset)
-    return {(atom,): Fraction(sign if function == "sin" else 1)}
+    return {(atom,): factor * (sign if function == "sin" else 1)}
 
 
 @dataclass(frozen=True)
@@ -397,15 +454,7 @@ def _sampled(system: _System, signals: Sequence[str], predicates: Sequence[Predi
     low, high = (end[:, None] for end in _ends(system))
     random = np.random.default_rng(0)
     points = np.minimum(np.maximum(low + random.random((len(low), _SAMPLES)) * (high - low), low), high)
-    values = [value.lo for value in _enclosures(system, points, points)]
-    room = np.full(_SAMPLES, math.inf)
-    off = np.zeros(_SAMPLES)
-    for value, allowed in zip(values, system.signs.values(), strict=True):
-        if allowed == frozenset((0,)):
-            off = np.abs(value)
-        else:
-            best = [value] * (1 in allowed) + [-value] * (-1 in allowed)
-            room = np.minimum(room, np.max(best, axis=0))
+    room, off = _room(system, points)
     inside = np.flatnonzero(room > 0)
     if not len(inside):
         return None
@@ -415,6 +464,77 @@ def _sampled(system: _System, signals: Sequence[str], predicates: Sequence[Predi
         if (answer := _found(system, below, above, signals, predicates)) is not None:
             return answer
     return None
+
+
+def _climbed(system: _System, signals: Sequence[str], predicates: Sequence[Predicate]) -> Decision:
+    """A state near the best of many points, step by step: where there is so little room that few have any."""
+    if frozenset((0,)) in system.signs.values():
+        return None
+    low, high = (end[:, None] for end in _ends(system))
+    random = np.random.default_rng(0)
+    points = low + random.random((len(low), _SAMPLES)) * (high - low)
+    for step in np.geomspace(0.5, 1e-3, 20):
+        room, _ = _room(system, np.clip(points, low, high))
+        best = points[:, np.argsort(room)[-64:]]
+        moved = np.tile(best, 32) + step * random.standard_normal((len(low), 32 * 64))
+        points = np.clip(np.concatenate([best, moved], axis=1), low, high)
+    room, _ = _room(system, points)
+    chosen = points[:, np.argsort(room)[-64:]]
+    return _found(system, chosen, chosen, signals, predicates)
+
+
+def _room(system: _System, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far each point is inside of all signs, and from where a polynomial is zero that must be."""
+    values = [value.lo for value in _enclosures(system, points, points)]
+    room, off = np.full(points.shape[1], math.inf), np.zeros(points.shape[1])
+    for value, allowed in zip(values, system.signs.values(), strict=True):
+        if allowed == frozenset((0,)):
+            off = np.abs(value)
+        else:
+            best = [value] * (1 in allowed) + [-value] * (-1 in allowed)
+            room = np.minimum(room, np.max(best, axis=0))
+    return room, off
+
+
+def _out_of_reach(system: _System) -> bool:
+    """Whether two signs together ask for more than a cos x + b sin x ≤ √(a² + b²) gives.
+
+    That is out of an arm's reach. It needs no box, and so no more effort for many joints than for few.
+    """
+    above = [
+        linear
+        for key, allowed in system.signs.items()
+        for sign in (1, -1)
+        if -sign not in allowed and (linear := _linear(key, sign)) is not None
+    ]
+    turns = np.linspace(0.0, math.pi / 2, 65)
+    for one, other in itertools.product(above, above):
+        # Where both are at least zero, so is any sum of positive multiples of them.
+        sums = {
+            angle: [
+                np.cos(turns) * a + np.sin(turns) * b for a, b in zip(one[angle], other[angle], strict=True)
+            ]
+            for angle in {**one, **other}
+        }
+        reach = sum(np.hypot(*wave) for angle, wave in sums.items() if angle is not None)
+        level = sums[None][0]
+        # Floats err by far less than the room that is asked for.
+        if np.any(reach + level < -1e-9 * (reach + np.abs(level) + 1)):
+            return True
+    return False
+
+
+def _linear(key: _Key, sign: int) -> Mapping[tuple | None, tuple[float, float]] | None:
+    """By angle the factors of cosine and sine in a sum of waves, by None what is added; or it is none."""
+    found = defaultdict(lambda: (0.0, 0.0), {None: (0.0, 0.0)})
+    for powers, number in key:
+        if len(powers) > 1 or (powers and powers[0][0] == "var"):
+            return None
+        kind, *angle = powers[0] if powers else ("cos",)
+        cos, sin = found[tuple(angle) or None]
+        factor = sign * float(number)
+        found[tuple(angle) or None] = (cos + factor, sin) if kind == "cos" else (cos, sin + factor)
+    return found
 
 
 def _branched(system: _System, signals: Sequence[str], predicates: Sequence[Predicate]) -> Decision:
