@@ -15,7 +15,7 @@ from coachable.envs.walking_task import NO_BOX, make_task
 from coachable.foundation.errors import ParameterError
 from coachable.plants import START, ChatterRule, CompassParameters, CompassWalker, Outcome, advance
 from coachable.rewards.described_reward import DescribedReward, RewardMemory
-from coachable.rewards.forms import Potential, Schedule, Stay
+from coachable.rewards.forms import Equation, Potential, Schedule
 from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, RewardSetup
 
 SETUP = RewardSetup("mixed", forward=0.3, orthant=0.7)
@@ -277,7 +277,7 @@ def test_numbers_keep_the_precision_the_task_was_made_in(semantics, x64_on):
 
 
 @pytest.mark.parametrize("x64_on", [False, True])
-@pytest.mark.parametrize("form", [Stay(), Potential(0.9), Schedule(1.0)], ids=lambda form: form.name)
+@pytest.mark.parametrize("form", [Equation(), Potential(0.9), Schedule(1.0)], ids=lambda form: form.name)
 def test_what_a_form_remembers_keeps_its_types(form, x64_on):
     with jax.enable_x64(x64_on):
         task = make_task(SETUP, behaviour=load_behaviour("compass-walking-timed"), reward_variant=form)

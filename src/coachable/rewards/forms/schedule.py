@@ -118,7 +118,9 @@ class BoundSchedule(BoundForm):
         charged = robot_leads & ~visited & (at_most < math.inf) & (at_most > time)
         left = where(charged, at_most - time, zero)
 
-        expected = where(begins | robot_leads, q, where(schedule_leads, beside(self._onward, q, e.dtype)[e], e))
+        expected = where(
+            begins | robot_leads, q, where(schedule_leads, beside(self._onward, q, e.dtype)[e], e)
+        )
         begun = begins | robot_leads | schedule_leads
         time = where(begun, zero, where(time < beside(self._longest, q, dtype)[e], time, c))
         in_step = (q == expected) & (q != none)
