@@ -47,6 +47,13 @@ def run(capsys, *arguments):
     return left.value.code, out, err
 
 
+def test_a_limit_of_violations_that_is_none_is_refused(tmp_path):
+    path = tmp_path / "some.csv"
+    path.write_text(HEADER + ROW)
+    with pytest.raises(TraceError, match="limit must be at least 0, got -1"):
+        explain(WALKING, path, limit=-1)
+
+
 def test_a_file_is_explained_as_the_monitor_explains_its_rows(walk, tmp_path, monkeypatch):
     monkeypatch.setattr("coachable.automata.trace_file._BYTES_OF_CSV", 4096)
     path = write(tmp_path / "walk.csv", walk)

@@ -3,6 +3,7 @@
 from dataclasses import fields
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from coachable.foundation.errors import CoachableError, ParameterError
@@ -16,6 +17,12 @@ def test_a_bad_parameter_is_refused_by_name(name, value):
         CompassParameters(**{name: value})
     assert isinstance(refusal.value, CoachableError)
     assert repr(value) in str(refusal.value)
+
+
+def test_a_huge_parameter_is_refused_and_numpys_numbers_are_numbers():
+    with pytest.raises(ParameterError, match="one of some 400 digits"):
+        CompassParameters(a=10**400)
+    assert CompassParameters(hip_mass=np.float64(2)) == CompassParameters(hip_mass=2.0)
 
 
 def test_parameters_are_values():

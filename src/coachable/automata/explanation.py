@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from coachable.automata.trace import Trace, seconds
 from coachable.automata.trace_file import read_trace
 from coachable.automata.violation import Violation
 from coachable.behaviours.behaviour import Behaviour, Edge
+from coachable.foundation.data import whole_number
 from coachable.foundation.errors import TraceError
 from coachable.foundation.files import written_beside
 
@@ -66,8 +68,11 @@ def explain_parts(
 ) -> Explanation:
     """Monitor a trace that comes in consecutive parts; the arguments are those of `explain`.
 
-    **Raises:** `TraceError` if the trace lacks one of the behaviour's signals, or has no sample.
+    **Raises:** `TraceError` if the trace lacks one of the behaviour's signals, or has no sample, and for a
+    limit that is no whole number.
     """
+    if limit is not None:
+        limit = whole_number(limit, "limit", TraceError, 0, sys.maxsize)
     chunks, shown = iter(parts), []
     first = next((chunk for chunk in chunks if len(chunk.time)), None)
     if first is None:

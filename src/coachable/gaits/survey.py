@@ -18,6 +18,7 @@ from coachable.experiments.plant_walks import num_starts
 from coachable.experiments.recorded_episodes import RecordedWalk, recorded_walk
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.run_folder.schemas import GAITS
+from coachable.foundation.data import whole_number
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.files import write_atomic
 from coachable.foundation.tables import table_bytes, table_of
@@ -57,8 +58,10 @@ def survey(
 
     **Arguments:** `report`, called with a lane whenever another share of its episodes is done.
 
-    **Raises:** as `recorded_walk`, and `ParameterError` for an environment without signals of its feet.
+    **Raises:** as `recorded_walk`, and `ParameterError` for an environment without signals of its feet, and
+    for no episode.
     """
+    episodes = whole_number(episodes, "episodes", ParameterError, 1, 10**5)
     rows: list[dict[str, Any]] = []
     first: dict[str, list[Footfalls]] = {}
     absent: dict[str, None] = {}

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, fields
 
+from coachable.foundation.data import real, shown
 from coachable.foundation.errors import ParameterError
 
 
@@ -27,12 +28,13 @@ class CompassParameters:
     def __post_init__(self):
         for field in fields(self):
             value = getattr(self, field.name)
-            is_number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not (is_number and math.isfinite(value) and value > 0):
+            number = real(value)
+            if number is None or not math.isfinite(number) or number <= 0:
                 raise ParameterError(
-                    f"CompassParameters.{field.name} must be a positive finite number, but it is {value!r}"
+                    f"CompassParameters.{field.name} must be a positive finite number, "
+                    f"but it is {shown(value)}"
                 )
-            object.__setattr__(self, field.name, float(value))
+            object.__setattr__(self, field.name, number)
 
     @property
     def leg_length(self) -> float:
