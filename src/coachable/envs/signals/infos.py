@@ -110,7 +110,8 @@ def entry_of(value: Any, part: str | int, many: bool) -> Any:
         return value[part]
     if many and value.dtype == object:  # lists, of which Gymnasium makes no array; None where there is none
         return np.array([math.nan if one is None else one[part] for one in value])
-    return value[..., part]
+    index: Any = (..., part)
+    return value[index]
 
 
 def _where(chosen: Envs, value: Any, other: Any) -> Any:
