@@ -108,10 +108,10 @@ def entry_of(value: Any, part: str | int, many: bool) -> Any:
     """An entry of a list or of an array, of whose last axis; with `many`, of that of each environment."""
     if not isinstance(value, np.ndarray):
         return value[part]
-    array: Any = value
     if many and value.dtype == object:  # lists, of which Gymnasium makes no array; None where there is none
         return np.array([math.nan if one is None else one[part] for one in value])
-    return array[..., part]
+    index: Any = (..., part)
+    return value[index]
 
 
 def _where(chosen: Envs, value: Any, other: Any) -> Any:

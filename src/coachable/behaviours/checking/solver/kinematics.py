@@ -15,48 +15,32 @@ import itertools
 import math
 import typing
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from importlib.util import find_spec
 
 import numpy as np
 
-from coachable.behaviours.checking.solver.affine import decimal
 from coachable.behaviours.checking.solver.corners import without_corners
-from coachable.behaviours.expressions import (
-    Arithmetic,
-    Call,
-    Constant,
-    Expression,
-    Negative,
-    Number,
-    Variable,
-)
+from coachable.behaviours.checking.solver.waves import Atom, BeyondReach, polynomial
+from coachable.behaviours.expressions import Arithmetic
 from coachable.behaviours.predicates import All, Any, Comparison, Predicate, holds
 from coachable.behaviours.rewriting import expanded, without_negations
-from coachable.behaviours.tree import fold, walk
+from coachable.behaviours.tree import walk
 
 if typing.TYPE_CHECKING:
     from ival import Interval
 
-Atom = tuple[str, tuple[tuple[str, Fraction], ...], Fraction]
-"""`var`, `sin` or `cos`, of a sum of multiples of signals and a number."""
-Polynomial = Mapping[tuple[Atom, ...], Fraction]
 Signs = frozenset[int]
 
 _SIGNS = {">": {1}, ">=": {0, 1}, "<": {-1}, "<=": {-1, 0}}
 _MOST_TERMS, _SAMPLES, _MOST_BOXES, _ROUNDS = 64, 4096, 40_000, 60
-_MOST_WAVES = 6
 _TURN = Fraction(6283185308, 10**9)
 """A little more than 2π."""
 
 Decision = Mapping[str, float] | bool | None
 """A state; True if there is one whose numbers are no floats; False if there is none; None if that is open."""
-
-
-class _BeyondReach(Exception):
-    """A predicate is not of the form that is decided here."""
 
 
 def decide(signals: Sequence[str], predicates: Sequence[Predicate]) -> Decision:
@@ -70,7 +54,7 @@ def decide(signals: Sequence[str], predicates: Sequence[Predicate]) -> Decision:
         if len(terms) > _MOST_TERMS:
             return None
         systems = [system for term in terms if (system := _system(term)) is not None]
-    except _BeyondReach:
+    except BeyondReach:
         return None
     answers: list[Decision] = []
     for system in systems:
@@ -89,7 +73,7 @@ def _terms(predicate: Predicate) -> Iterator[tuple[Comparison, ...]]:
     def few(part: Predicate) -> list[tuple[Comparison, ...]]:
         found = list(itertools.islice(of(part), _MOST_TERMS + 1))
         if len(found) > _MOST_TERMS:
-            raise _BeyondReach
+            raise BeyondReach
         return found
 
     def of(part: Predicate) -> Iterator[tuple[Comparison, ...]]:
@@ -131,7 +115,7 @@ def by_a_hair(predicate: Predicate, state: Mapping[str, float]) -> bool:
         return False
     try:
         _, keys = _comparisons([predicate])
-    except _BeyondReach:
+    except BeyondReach:
         return False
     waves = [key for key in keys if any(kind != "var" for powers, _ in key for kind, *_ in powers)]
     return not _clear(waves, state)
@@ -145,7 +129,7 @@ def _comparisons(predicates: Sequence[Predicate]) -> tuple[Predicate, list[_Key]
     """All predicates together, and the difference of both sides of each comparison in them."""
     plain = All(*(without_negations(without_corners(expanded(one))) for one in predicates))
     comparisons = tuple(dict.fromkeys(walk(plain, Comparison)))
-    return plain, [tuple(_polynomial(Arithmetic(one.left, "-", one.right)).items()) for one in comparisons]
+    return plain, [tuple(polynomial(Arithmetic(one.left, "-", one.right)).items()) for one in comparisons]
 
 
 def _clear(keys: Sequence[_Key], state: Mapping[str, float]) -> bool:
@@ -154,113 +138,6 @@ def _clear(keys: Sequence[_Key], state: Mapping[str, float]) -> bool:
     point = np.array([*state.values()])[:, None]
     enclosures = _enclosures(_System(dict.fromkeys(keys, frozenset()), whole, True), point, point)
     return all(value.lo[0] > 1e-9 or value.hi[0] < -1e-9 for value in enclosures)
-
-
-def _polynomial(expression: Expression) -> Polynomial:
-    def of(node: Expression, operands: list[Polynomial]) -> Polynomial:
-        match node:
-            case Number(value) | Constant(number=Number(value)):
-                return {(): decimal(value)}
-            case Variable(name):
-                return {(("var", ((name, Fraction(1)),), Fraction(0)),): Fraction(1)}
-            case Negative():
-                return _product(operands[0], {(): Fraction(-1)})
-            case Arithmetic(operator="+"):
-                return _total(*operands)
-            case Arithmetic(operator="-"):
-                return _total(operands[0], _product(operands[1], {(): Fraction(-1)}))
-            case Arithmetic(operator="*"):
-                return _product(*operands)
-            case Arithmetic(operator="/") if set(operands[1]) == {()} and operands[1][()]:
-                return _product(operands[0], {(): 1 / operands[1][()]})
-            case Call("sin" | "cos" as function):
-                return _wave_of(function, operands[0])
-        raise _BeyondReach
-
-    given = _without_zeros(fold(expression, of))
-    summed = _with_few_products(given)
-    return summed if len(summed) <= len(given) else given
-
-
-def _without_zeros(polynomial: Polynomial) -> Polynomial:
-    return {powers: number for powers, number in polynomial.items() if number}
-
-
-def _with_few_products(polynomial: Polynomial) -> Polynomial:
-    """The polynomial with sums of angles in place of products of waves, as in 2 sin a cos b.
-
-    Squares of distances lose most of their terms by that, and what cancels is gone. A product of many waves
-    would become too many sums, and is left.
-    """
-    found: Polynomial = {}
-    for powers, number in polynomial.items():
-        waves = [atom for atom in powers if atom[0] != "var"]
-        others = tuple(atom for atom in powers if atom[0] == "var")
-        if len(waves) > _MOST_WAVES:
-            found = _total(found, {powers: number})
-            continue
-        sums: Polynomial = {(): number}
-        for wave in waves:
-            sums = _times_wave(sums, wave)
-        found = _total(found, {tuple(sorted((*others, *sum_))): x for sum_, x in sums.items()})
-    return _without_zeros(found)
-
-
-def _times_wave(sums: Polynomial, wave: Atom) -> Polynomial:
-    """Multiples of single waves, times another one, as such again."""
-    found: Polynomial = {}
-    for powers, number in sums.items():
-        if not powers:
-            found = _total(found, _wave(wave[0], wave[1], wave[2], number))
-            continue
-        (first,) = powers
-        sines = (first[0] == "sin") + (wave[0] == "sin")
-        one, other = (wave, first) if first[0] == "cos" else (first, wave)  # a sine first, if there is any
-        for sign in (1, -1):
-            angle = dict(one[1])
-            for name, multiple in other[1]:
-                angle[name] = angle.get(name, Fraction(0)) + sign * multiple
-            half = number / (-2 if sines == 2 and sign == 1 else 2)
-            kind = "sin" if sines == 1 else "cos"
-            found = _total(found, _wave(kind, angle.items(), one[2] + sign * other[2], half))
-    return found
-
-
-def _total(one: Polynomial, other: Polynomial) -> Polynomial:
-    return {
-        powers: one.get(powers, Fraction(0)) + other.get(powers, Fraction(0)) for powers in {**one, **other}
-    }
-
-
-def _product(one: Polynomial, other: Polynomial) -> Polynomial:
-    found: dict[tuple[Atom, ...], Fraction] = {}
-    for (a, x), (b, y) in itertools.product(one.items(), other.items()):
-        powers = tuple(sorted((*a, *b)))
-        found[powers] = found.get(powers, Fraction(0)) + x * y
-    return found
-
-
-def _wave_of(function: str, angle: Polynomial) -> Polynomial:
-    multiples, offset = {}, Fraction(0)
-    for powers, number in angle.items():
-        if not powers:
-            offset = number
-        elif len(powers) == 1 and powers[0][0] == "var":
-            multiples[powers[0][1][0][0]] = number
-        else:
-            raise _BeyondReach
-    return _wave(function, multiples.items(), offset, Fraction(1))
-
-
-def _wave(
-    function: str, multiples: Iterable[tuple[str, Fraction]], offset: Fraction, factor: Fraction
-) -> Polynomial:
-    used = sorted((name, number) for name, number in multiples if number)
-    if not used and not offset:
-        return {(): factor} if function == "cos" else {}
-    sign = -1 if (used[0][1] if used else offset) < 0 else 1
-    atom = (function, tuple((name, sign * number) for name, number in used), sign * offset)
-    return {(atom,): factor * (sign if function == "sin" else 1)}
 
 
 @dataclass(frozen=True)
@@ -277,7 +154,7 @@ def _system(term: Sequence[Comparison]) -> _System | None:
     """`None` if some polynomial can have no sign."""
     signs: dict[tuple, Signs] = {}
     for comparison in term:
-        difference = _polynomial(Arithmetic(comparison.left, "-", comparison.right))
+        difference = polynomial(Arithmetic(comparison.left, "-", comparison.right))
         allowed = frozenset(_SIGNS[comparison.relation])
         if not set(difference) - {()}:
             number = difference.get((), Fraction(0))
