@@ -135,12 +135,12 @@ class _Walker:
         return self._rows(memory)
 
     def step(
-        self, rows: Float[np.ndarray, "runs numbers"], place: int
+        self, rows: Float[np.ndarray, "runs numbers"], places: Int[np.ndarray, " runs"]
     ) -> tuple[Float[np.ndarray, "runs numbers"], Float[np.ndarray, " runs"], Bool[np.ndarray, " runs"]]:
-        """Memories after a sample at a location, what it pays, and whether the run went round with it."""
+        """Memories after a sample at locations, what it pays, and whether the run went round with it."""
         columns = [column.astype(dtype) for column, dtype in zip(rows.T, self._dtypes, strict=True)]
         phase, form, progress = jax.tree.unflatten(self._structure, columns)
-        places, zero = np.full(len(rows), place), np.zeros(len(rows))
+        zero = np.zeros(len(rows))
         after, move = Memory(places), Move(phase.location, places)
         if self._clocked:
             after, move = self._reward.tracker.moved(phase, places, self._dt)
@@ -247,24 +247,20 @@ def _explored(walker: _Walker, moves: Bool[np.ndarray, "previous current"]) -> _
     number = {row.tobytes(): index for index, row in enumerate(rows)}
     kept, edges, frontier, done = [rows], [], rows, 0
     while len(frontier):
-        new = []
-        for place in range(len(moves)):
-            able = np.flatnonzero(moves[frontier[:, 0].astype(int), place])
-            after, paid, rounds = walker.step(frontier[able], place)
-            unique, inverse = np.unique(after, axis=0, return_inverse=True)
-            targets = []
-            for row in unique:
-                targets.append(number.setdefault(row.tobytes(), len(number)))
-                if targets[-1] == len(number) - 1 and targets[-1] >= done + len(frontier) + len(new):
-                    new.append(row)
-            edges.append((able + done, np.array(targets, int)[inverse.ravel()], paid, ~rounds))
+        before, place = np.nonzero(moves[frontier[:, 0].astype(int)])
+        after, paid, rounds = walker.step(frontier[before], place)
+        count, targets = len(number), np.empty(len(after), int)
+        for index, row in enumerate(after):
+            targets[index] = number.setdefault(row.tobytes(), len(number))
+        new, first = np.unique(targets, return_index=True)
+        edges.append((before + done, targets, paid, ~rounds))
         done += len(frontier)
         if len(number) > MOST_NODES:
             raise ParameterError(
                 f"runs of this behaviour have more than {MOST_NODES:,} memories; give a larger dt, or "
                 "shorter limits"
             )
-        frontier = np.array(new).reshape(-1, rows.shape[1])
+        frontier = after[first[new >= count]]
         kept.append(frontier)
     source, target, paid, goes_on = map(np.concatenate, zip(*edges, strict=True))
     order = np.argsort(source, kind="stable")
