@@ -1,6 +1,7 @@
 """The audit of a reward: closed forms, an oracle for its graph problem, and its runs replayed."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -148,10 +149,12 @@ def test_moves_that_the_description_rules_out_do_not_count():
 
 
 def test_the_command_shows_forms_side_by_side_and_says_what_cannot_be_paid(capsys):
-    cli.main(["audit", "compass-walking"])
-    out = capsys.readouterr().out
-    assert "never enters O2       1.00      0.50      1.00" in out
-    assert "Not schedule: " in out
+    page = Path(__file__).parents[2].joinpath("docs", "audit.md").read_text(encoding="utf-8")
+    for name in ("compass-walking", "compass-walking-timed"):
+        cli.main(["audit", name])
+        shown, _, reason = capsys.readouterr().out.partition("\nNot ")
+        assert f"$ coachable audit {name}\n{shown.rstrip()}\n```" in page
+        assert reason.startswith("schedule: ") == (name == "compass-walking")
     cli.main(["audit", "compass-walking-timed", "--form", "schedule"])
     assert "stays in O1          -0.62   O1 × 56" in capsys.readouterr().out
 

@@ -26,6 +26,7 @@ from coachable.experiments.experiment import Experiment
 from coachable.foundation.errors import RunFolderError
 from coachable.foundation.files import write_atomic
 from coachable.foundation.style import INK, STANCE, SWING, save
+from coachable.foundation.suggestion import in_a_row
 
 Values = Callable[[Measurements, SetupRuns], np.ndarray]
 
@@ -233,9 +234,7 @@ def _overlaps(first: Measurements, second: Measurements, pair: Pair) -> str:
         for measure in shared
     ]
     runs = f"{ours.num_runs} and {theirs.num_runs} runs"
-    *others, last = shares
-    listed = f"{', '.join(others)} and {last}" if others else last
-    sentence = f"{pair.name}, {runs}: the curves' 95 % intervals overlap at {listed}."
+    sentence = f"{pair.name}, {runs}: the curves' 95 % intervals overlap at {in_a_row(shares)}."
     both = [measure for measure in first.measures if measure in second.measures]
     left = [measure.words for measure in both if measure not in shared]
     if first.has_baseline or not left:

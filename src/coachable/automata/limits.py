@@ -10,17 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from coachable.automata.monitor import gaps_between
 from coachable.automata.trace import Trace
 from coachable.automata.tracker import Tracker
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.text.document import Document
 from coachable.foundation.data import real_number
 from coachable.foundation.errors import ParameterError
-
-QUANTILE = 0.9
-"""The share of stays that the proposed limit leaves enough time for."""
-_GAP = 5
-"""An interval longer than so many usual ones is a gap, and what goes on across it is no whole stay."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +31,7 @@ class Limit:
 
 
 def limits(
-    behaviour: Behaviour, parts: Iterable[Trace], quantile: float = QUANTILE, slack: float = 1.0
+    behaviour: Behaviour, parts: Iterable[Trace], quantile: float = 0.9, slack: float = 1.0
 ) -> tuple[Limit, ...]:
     """A limit for each phase: a quantile of its stays, times `slack`, up to the next hundredth of a second.
 
@@ -67,9 +63,7 @@ def limits(
 
 def _whole_stays(times: Float[np.ndarray, " samples"], locations: Int[np.ndarray, " samples"]):
     """By location, how long each stay lasted whose beginning and end were seen."""
-    intervals = np.diff(times)
-    usual = float(np.median(intervals)) if len(intervals) else math.inf
-    gap = intervals > _GAP * usual
+    gap = gaps_between(times)  # what goes on across one is no whole stay
     begins = np.flatnonzero(np.append(True, (np.diff(locations) != 0) | gap))
     ends = np.append(begins[1:], len(times) - 1)
     seen = np.ones(len(begins), bool)

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from coachable.automata.clock import Clock, Column, numbers_of
 from coachable.automata.cycle_progress import Pairs, Progress, along_cycle, choose, pairs
@@ -376,6 +376,13 @@ class _Cycle:
             self._after[case] = along_cycle(self._edges, *case, where=choose)
         self._progress, completed = self._after[case]
         self.completed += completed
+
+
+def gaps_between(times: Float[np.ndarray, " samples"]) -> Bool[np.ndarray, " intervals"]:
+    """Whether each interval between the samples [s] is a gap, as a `Monitor` has it."""
+    intervals = np.diff(times)
+    known = np.concatenate([np.full(_WINDOW, np.nan), intervals])
+    return _is_gap(intervals, np.lib.stride_tricks.sliding_window_view(known, _WINDOW)[: len(intervals)])
 
 
 def _is_gap(interval: Any, last: Float[np.ndarray, "*samples window"]) -> Any:

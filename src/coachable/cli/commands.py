@@ -49,7 +49,7 @@ def run(arguments: list[str]) -> None:
         print(f"coachable: {error}", file=sys.stderr)
         sys.exit(2)
     except BrokenPipeError:
-        # Whoever read has enough, as `head` has; nobody is left to be told.
+        # The reader has closed the pipe, as `head` does, so there is no message to write.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except RecursionError:

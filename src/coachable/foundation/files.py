@@ -87,7 +87,7 @@ def read_bytes(
     **Raises:** `error` naming a file that cannot be read, is no file, is too large or has another hash.
     """
     try:
-        # Without O_NONBLOCK, opening a pipe would wait for somebody to write into it.
+        # Without O_NONBLOCK, opening a pipe would wait for a writer.
         flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
         descriptor = os.open(path, flags)
         try:

@@ -1,8 +1,8 @@
-"""The hint for a mistyped name."""
+"""Names in messages: the hint for a mistyped one, and several in a row."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from itertools import islice
 
@@ -18,3 +18,9 @@ def suggestion(name: str, known: Iterable[str]) -> str:
         return f"did you mean {near[0]!r}?"
     listed = ", ".join(map(repr, known[:12])) or "none"
     return f"known: {listed}{', …' if len(known) > 12 else ''}"
+
+
+def in_a_row(words: Sequence[str]) -> str:
+    """`ankle`, `ankle and hip`, `x, y and z`."""
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last

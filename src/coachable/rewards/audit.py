@@ -108,6 +108,17 @@ def possible_moves(behaviour: Behaviour) -> Bool[np.ndarray, "previous current"]
     return moves
 
 
+class _Progress(NamedTuple):
+    """How far runs are along a cycle."""
+
+    at: Int[np.ndarray, " runs"]
+    """The place in the cycle; −1 in none of its phases."""
+    visited: Int[np.ndarray, " runs"]
+    """How many of its phases were visited in order."""
+    elsewhere: Bool[np.ndarray, " runs"]
+    """Whether the last sample was elsewhere: a glitch, if the next one is not."""
+
+
 class _Walker:
     """Takes many runs a sample further by their locations alone. A memory is a row of numbers."""
 
@@ -160,30 +171,32 @@ class _Walker:
         leaves = jax.tree.leaves((phase._replace(stays=tuple(stays)), *others))
         return np.stack([np.asarray(leaf, float) for leaf in leaves], -1).round(9)
 
-    # The progress along a cycle: the place in it, −1 without one, how many phases were visited in order, and
-    # whether the last sample was elsewhere.
-
-    def _begun(self, cycle: Int[np.ndarray, " phases"], places: Int[np.ndarray, " runs"]):
+    def _begun(self, cycle: Int[np.ndarray, " phases"], places: Int[np.ndarray, " runs"]) -> _Progress:
         at = self._position(cycle, places)
-        return at, (at >= 0).astype(int), at < -1
+        return _Progress(at, (at >= 0).astype(int), np.zeros(len(places), bool))
 
-    def _position(self, cycle: Int[np.ndarray, " phases"], places: Int[np.ndarray, " runs"]):
+    def _position(
+        self, cycle: Int[np.ndarray, " phases"], places: Int[np.ndarray, " runs"]
+    ) -> Int[np.ndarray, " runs"]:
         hits = places[:, None] == cycle
         return np.where(hits.any(1), hits.argmax(1), -1)
 
-    def _onward(self, cycle: Int[np.ndarray, " phases"], progress: Any, places: Int[np.ndarray, " runs"]):
+    def _onward(
+        self, cycle: Int[np.ndarray, " phases"], progress: _Progress, places: Int[np.ndarray, " runs"]
+    ) -> tuple[_Progress, Bool[np.ndarray, " runs"]]:
+        """The progress after a sample, and whether it completes a round."""
         at, visited, elsewhere = progress
         next_at = np.where(at < 0, self._position(cycle, places), (at + 1) % len(cycle))
         stays = (at >= 0) & (places == cycle[at])
         goes = (at >= 0) & ~stays & (places == cycle[next_at])
         glitch = (at >= 0) & ~stays & ~goes & ~elsewhere
         anew = ~stays & ~goes & ~glitch
-        start, fresh, _ = self._begun(cycle, places)
+        fresh = self._begun(cycle, places)
         count = visited + goes
         completed = count > len(cycle)
-        after = (
-            np.where(anew, start, np.where(goes, next_at, at)),
-            np.where(anew, fresh, np.where(completed, 1, count)),
+        after = _Progress(
+            np.where(anew, fresh.at, np.where(goes, next_at, at)),
+            np.where(anew, fresh.visited, np.where(completed, 1, count)),
             glitch,
         )
         return after, completed

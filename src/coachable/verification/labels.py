@@ -45,12 +45,6 @@ def actuators(plant: Plant) -> tuple[str, ...]:
     return plant.actuators or plant.control_names
 
 
-def listed(words: Sequence[str]) -> str:
-    """`ankle and hip`, `x, y and z`."""
-    *first, last = words
-    return f"{', '.join(first)} and {last}" if first else last
-
-
 def control_unit(plant: Plant) -> str:
     """The controls' common unit; empty where they have none."""
     units = set(plant.control_units)

@@ -11,6 +11,7 @@ from coachable.behaviours.checking.findings import Finding, Proven, Result, Subj
 from coachable.behaviours.checking.solver import conflict, essence, refuted, witness
 from coachable.behaviours.predicates import Any, Not, Predicate
 from coachable.behaviours.rewriting import conjuncts
+from coachable.foundation.suggestion import in_a_row
 
 _LISTED, _SHORT = 3, 5
 """The number of cells in a list, and the most comparisons of a cell in a list of more than one."""
@@ -38,11 +39,7 @@ def empty_phases(behaviour: Behaviour) -> Iterator[Result]:
 def _excluding(culprits: Sequence[Predicate]) -> str:
     if len(culprits) == 1:
         return f"`{culprits[0]}` holds nowhere"
-    return _listed([f"`{culprit}`" for culprit in culprits]) + " never hold together"
-
-
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    return in_a_row([f"`{culprit}`" for culprit in culprits]) + " never hold together"
 
 
 def overlaps(behaviour: Behaviour) -> Iterator[Result]:

@@ -17,6 +17,7 @@ from coachable.automata.tracker import CLOCK_TOLERANCE
 from coachable.behaviours.behaviour import Behaviour, Dwell
 from coachable.foundation.data import plain, real_number
 from coachable.foundation.errors import ParameterError
+from coachable.foundation.suggestion import in_a_row
 from coachable.rewards.forms.form import BoundForm, Payment, RewardForm, Step, beside
 
 
@@ -77,7 +78,7 @@ class Schedule(RewardForm):
         if endless:
             raise ParameterError(
                 f"behaviour {behaviour.name!r}: the form 'schedule' needs to know how long each phase on a "
-                f"cycle may last, but {_listed(endless)} may last for ever; write, for example, "
+                f"cycle may last, but {in_a_row(endless)} may last for ever; write, for example, "
                 f"`for at most 0.3 s` after the phase's conditions"
             )
         return bound
@@ -205,8 +206,3 @@ class BoundSchedule(BoundForm):
         longest = np.where(np.isfinite(self._at_most), self._at_most, self._at_least + 2 * self.dt)
         longest[-1] = 0.0
         return longest
-
-
-def _listed(names: list[str]) -> str:
-    *others, last = names
-    return f"{', '.join(others)} and {last}" if others else last

@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from coachable.foundation.errors import ParameterError
+from coachable.foundation.suggestion import in_a_row
 from coachable.plants.plant import Plant
 from coachable.verification.gait.section import states_at
-from coachable.verification.labels import actuators, control_unit, listed, section_labels
+from coachable.verification.labels import actuators, control_unit, section_labels
 
 CONTROL_DT = 0.01
 """How long a control is held [s]."""
@@ -135,7 +136,7 @@ class HeldTorques:
         """The perturbation in words."""
         bound = f"{self.bound:g} {control_unit(plant)}".rstrip()
         return (
-            f"torques of at most {bound} added at {listed(actuators(plant))} in the first "
+            f"torques of at most {bound} added at {in_a_row(actuators(plant))} in the first "
             f"{self.seconds:g} s, each held for {self.hold * CONTROL_DT:g} s"
         )
 

@@ -8,12 +8,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from coachable.foundation.suggestion import in_a_row
 from coachable.learning.policy import Policy
 from coachable.verification.gait.closed_loop import ClosedLoop
 from coachable.verification.gait.orbit import FixedPoint, Orbit, fixed_points
 from coachable.verification.gait.stability import Stability, without_bounds
 from coachable.verification.gait.walk import SampledWalk
-from coachable.verification.labels import actuators, listed
+from coachable.verification.labels import actuators
 
 _GUESSES = 6
 """From so many of the last touchdowns Newton's method looks for a gait in which every step is alike."""
@@ -99,4 +100,4 @@ def _clipping(loop: ClosedLoop, walk: SampledWalk) -> list[str]:
         every = {1: "the torque stays", 2: "both torques stay"}.get(len(names), "all torques stay")
         return [f"{every} at a bound: nothing is fed back"]
     shares = [f"{share:.0f} % ({name})" for share, name in zip(100 * beyond.mean(axis=0), names, strict=True)]
-    return [f"torque at a bound in {listed(shares)} of the samples"]
+    return [f"torque at a bound in {in_a_row(shares)} of the samples"]

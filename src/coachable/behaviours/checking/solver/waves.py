@@ -67,8 +67,8 @@ def _without_zeros(polynomial: Polynomial) -> Polynomial:
 def _with_few_products(polynomial: Polynomial) -> Polynomial:
     """The polynomial with sums of angles in place of products of waves, as in 2 sin a cos b.
 
-    Squares of distances lose most of their terms by that, and what cancels is gone. A product of many waves
-    would become too many sums, and is left.
+    Squares of distances lose most of their terms by that, and those that cancel drop out. A product of many
+    waves would become too many sums, and is left.
     """
     found: Polynomial = {}
     for powers, number in polynomial.items():
