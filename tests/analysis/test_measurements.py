@@ -153,9 +153,9 @@ def test_a_run_folder_gives_what_its_tables_do(tmp_path, tables):
             field.name: table[field.name]
             if field.name in table.column_names
             else zeros.astype(field.type.to_pandas_dtype())
-            for field in schemas(plan.problem)[name]
+            for field in schemas(plan)[name]
         }
-        pq.write_table(pa.table(columns).cast(schemas(plan.problem)[name]), tmp_path / f"{name}.parquet")
+        pq.write_table(pa.table(columns).cast(schemas(plan)[name]), tmp_path / f"{name}.parquet")
     manifest = {"status": "complete", "baseline": baseline, "files": {}}
     run = Run(tmp_path, plan, manifest)
     expected = measure_tables(plan, baseline, evaluations, episodes, survival)

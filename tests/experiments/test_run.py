@@ -55,7 +55,7 @@ def test_the_folder_is_complete_and_holds_nothing_else(small_run):
         for w in ("last", "best")
         for e in ("safetensors", "json")
     }
-    tables = {f"{name}.parquet" for name in schemas(small_run.experiment.problem)}
+    tables = {f"{name}.parquet" for name in schemas(small_run.experiment)}
     assert files == {"plan.toml", "manifest.json", "behaviour.behaviour", "automaton.svg", *tables, *policies}
     assert small_run.status == "complete"
     assert small_run.manifest["format_version"] == 2
@@ -65,7 +65,7 @@ def test_the_folder_is_complete_and_holds_nothing_else(small_run):
 
 
 def test_tables_have_their_columns_and_every_lane(small_run):
-    for name, schema in schemas(small_run.experiment.problem).items():
+    for name, schema in schemas(small_run.experiment).items():
         table = small_run.table(name)
         assert table.schema.equals(schema, check_metadata=True)
         lanes = list(dict.fromkeys(table["lane"].to_pylist()))

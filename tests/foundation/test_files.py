@@ -22,7 +22,7 @@ from coachable.foundation.files import (
 )
 from coachable.foundation.tables import table_bytes, table_from, table_of
 
-SCHEMAS = schemas(load_plan("paper").problem)
+SCHEMAS = schemas(load_plan("paper"))
 SURVIVAL = {"lane": ["orthant-3", "sparse-0"], "seconds_up": [100.0, 3.25], "perturbed_up": [1.0, 0.5]}
 
 

@@ -1,4 +1,7 @@
-"""The paper's claims C1 to C5 and our C6: does each hold, is it reversed, or is it undecided?"""
+"""Claims about studies: the paper's C1 to C5 and our C6, and S1 to S6 about a description alone.
+
+Does each hold, is it reversed, or is it undecided?
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,21 @@ LEVEL = 0.05
 """Chance that any claim is decided although nothing is true, or in the wrong direction."""
 
 SPARSE, FORWARD, ORTHANT, BOTH = SETUPS = ("sparse", "forward", "orthant", "forward+orthant")
-"""The setups that the claims are about."""
+"""The setups that the paper's claims are about."""
+
+ALONE, WITH_DISTANCE = "description-alone", "schedule"
+"""The description as the only reward but for falls and jerk, and beside the paper's terms; both unseen."""
+OTHERS = (
+    "sparse",
+    "forward",
+    "orthant",
+    "sparse-truncates",
+    "forward-truncates",
+    "orthant-truncates",
+    "clock-tuned",
+    "forward-alone",
+)
+"""What the description is measured against in S1 to S6."""
 
 
 class Verdict(StrEnum):
@@ -71,7 +88,7 @@ class Claim:
 
 
 def decide(runs: Measurements) -> tuple[Claim, ...]:
-    """Decide C1 to C6.
+    """Decide C1 to C6, or S1 to S6 of a study that can answer some of those and none of C1 to C6.
 
     **One claim, several comparisons.** "Sparse is below each other setup" holds if *every* comparison holds,
     so what has to be rejected is that at least one does not: an intersection–union test (Berger,
@@ -88,7 +105,7 @@ def decide(runs: Measurements) -> tuple[Claim, ...]:
     A claim about setups that are not in the study, that have fewer than two runs, or whose walkers were not
     watched for it, is not applicable, and does not count in the correction.
     """
-    claims = [_examine(runs, question) for question in _QUESTIONS]
+    claims = [_examine(runs, question) for question in _questions(runs)]
     decided = [claim for claim in claims if claim.verdict is not Verdict.NOT_APPLICABLE]
     corrected = dict(
         zip([claim.name for claim in decided], holm([claim.p for claim in decided]), strict=True)
@@ -117,6 +134,12 @@ class _Question:
         return ""
 
 
+def _questions(runs: Measurements) -> Sequence[_Question]:
+    """The claims that a study can say something of; the paper's if there are none."""
+    answerable = (asked for asked in _ASKED if any(not question.obstacle(runs) for question in asked))
+    return next(answerable, _ASKED[0])
+
+
 def _examine(runs: Measurements, question: _Question) -> Claim:
     if reason := question.obstacle(runs):
         return Claim(question.name, question.statement, (), Verdict.NOT_APPLICABLE, reason=reason)
@@ -133,7 +156,13 @@ def _with_verdict(claim: Claim, p_holm: float) -> Claim:
     return replace(claim, p_holm=p_holm, verdict=verdict)
 
 
-def _against_others(runs: Measurements, subject: str, relation: str, measure: _Measure) -> list[Comparison]:
+def _against_others(
+    runs: Measurements,
+    subject: str,
+    relation: str,
+    measure: _Measure,
+    others: Sequence[str] = SETUPS,
+) -> list[Comparison]:
     """The subject's runs against those of each other setup that the claims are about."""
 
     def compare(other: str) -> Comparison:
@@ -147,7 +176,7 @@ def _against_others(runs: Measurements, subject: str, relation: str, measure: _M
             *measure.test(measure.statistic, above, below),
         )
 
-    return [compare(other) for other in SETUPS if other != subject]
+    return [compare(other) for other in others if other != subject]
 
 
 def _above_baseline(runs: Measurements, names: Sequence[str]) -> list[Comparison]:
@@ -173,13 +202,16 @@ class _Measure:
 
 _FINAL = _Measure("final distance", "m", lambda _, setup: setup.final_distance)
 _HIGHEST = _Measure("highest distance", "m", lambda _, setup: setup.highest)
+_SPREAD_OF_FINAL = _Measure(
+    "std of final", "m", lambda _, setup: setup.final_distance, std, two_sample_about_medians
+)
 _SPREAD = _Measure("std of highest", "m", lambda _, setup: setup.highest, std, two_sample_about_medians)
 _TO_BASELINE = _Measure("to baseline", "steps", lambda runs, setup: runs.steps_to_baseline(setup))
 _UP = _Measure("up after 100 s", "%", lambda _, setup: setup.up_to_the_end.astype(float))
 _PERTURBED = _Measure("perturbed starts", "%", lambda _, setup: setup.perturbed_up)
 
 _BEATING = (FORWARD, ORTHANT, BOTH)
-_QUESTIONS = (
+_OF_THE_PAPER = (
     _Question(
         "C1",
         "sparse walks less far at the end than each other setup",
@@ -217,3 +249,34 @@ _QUESTIONS = (
         about_walking_on=True,
     ),
 )
+
+
+def _of_description(
+    name: str, statement: str, *measured: tuple[str, _Measure], subject: str = ALONE
+) -> _Question:
+    """A claim that a described reward is ahead of each other one, in one measure or in several."""
+    return _Question(
+        name,
+        statement,
+        lambda runs: [
+            comparison
+            for relation, measure in measured
+            for comparison in _against_others(runs, subject, relation, measure, OTHERS)
+        ],
+        setups=(subject, *OTHERS),
+        about_walking_on=any(measure in (_UP, _PERTURBED) for _, measure in measured),
+    )
+
+
+_AHEAD = ((">", _FINAL), ("<", _SPREAD_OF_FINAL), (">", _UP), (">", _PERTURBED), ("<", _TO_BASELINE))
+_OF_THE_DESCRIPTION = (
+    _of_description("S1", "the description alone walks farther at the end than each other reward", _AHEAD[0]),
+    _of_description("S2", "it varies least between runs in that distance", _AHEAD[1]),
+    _of_description("S3", "more of its walkers are up after 100 s", _AHEAD[2]),
+    _of_description("S4", "it survives more of the perturbed starts", _AHEAD[3]),
+    _of_description("S5", "it passes the baseline earlier", _AHEAD[4]),
+    _of_description(
+        "S6", "with the distance term added it is ahead in all of this", *_AHEAD, subject=WITH_DISTANCE
+    ),
+)
+_ASKED = (_OF_THE_PAPER, _OF_THE_DESCRIPTION)

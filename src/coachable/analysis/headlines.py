@@ -27,7 +27,7 @@ class Headline:
     statistic: str
     """That comparison's difference in favour of the claim, with its interval and its p-value."""
     paper: str
-    """The paper's own figures for that comparison."""
+    """The paper's own figures for that comparison; empty where it says nothing of such a setup."""
 
     @property
     def sentence(self) -> str:
@@ -35,7 +35,8 @@ class Headline:
         claim = f"{self.claim.name} {self.verdict}: {self.claim.statement}"
         if self.deciding is None:
             return f"{claim} ({self.claim.reason})."
-        return f"{claim}; {self.statistic}; the paper: {self.paper}."
+        paper = f"; the paper: {self.paper}" if self.paper else ""
+        return f"{claim}; {self.statistic}{paper}."
 
 
 def headline(claim: Claim) -> Headline:
@@ -57,10 +58,15 @@ def statistic(comparison: Comparison) -> str:
 
 
 def paper_words(comparison: Comparison) -> str:
-    """What the paper has for the two sides of a comparison, and which of its figures that is."""
+    """What the paper has for the two sides of a comparison, and which of its figures that is.
+
+    Empty for setups that are not the paper's.
+    """
     subject, relation, other = comparison.relation.split()
+    if subject not in paper_numbers():
+        return ""
     figure = _FIGURES.get(comparison.measure)
-    if figure is None or subject not in paper_numbers():
+    if figure is None:
         return "gives no such figure"
     values = [_paper_value(figure, name) for name in (subject, other)]
     texts = [IN_UNIT[comparison.unit](value) for value in values]

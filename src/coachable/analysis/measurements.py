@@ -13,8 +13,9 @@ from jaxtyping import Bool, Float, Int, Num
 from coachable.analysis.measures import BESIDE_A_BASELINE, Measure, measures_of
 from coachable.experiments.experiment import Experiment, Lane
 from coachable.experiments.run_folder.reader import Run
-from coachable.experiments.run_folder.schemas import DIAGNOSTICS
+from coachable.experiments.run_folder.schemas import DIAGNOSTICS, table_of_rule
 from coachable.foundation.errors import RunFolderError
+from coachable.foundation.suggestion import suggestion
 
 WATCHED_SECONDS = 100.0
 """How long the final walkers are watched."""
@@ -197,14 +198,29 @@ class Measurements:
         return setup.highest > self.baseline_distance
 
 
-def measure(run: Run) -> Measurements:
+def measure(run: Run, deterministic: str | None = None) -> Measurements:
     """The measurements in the folder of a run that has ended.
 
-    **Raises:** `RunFolderError` if a table is missing or damaged, or the study has not ended.
+    **Arguments:** `deterministic`, by which of the experiment's rules the policies act that are measured; by
+    default its first.
+
+    **Raises:** `RunFolderError` if a table is missing or damaged, the study has not ended, or its policies
+    were not evaluated by this rule.
     """
-    survival = run.table("survival") if run.has_table("survival") else None
+    first, *further = run.experiment.deterministic
+    rule = first if deterministic is None else deterministic
+    if rule not in (first, *further):
+        raise RunFolderError(
+            f"{run.path}: policies were not evaluated by {rule!r}; {suggestion(rule, (first, *further))}"
+        )
+    names = ("evaluations", "survival")
+    evaluations, survival = names if rule == first else [table_of_rule(name, rule) for name in names]
     return measure_tables(
-        run.experiment, run.baseline, run.table("evaluations"), run.table("episodes"), survival
+        replace(run.experiment, deterministic=(rule,)),
+        run.baseline,
+        run.table(evaluations),
+        run.table("episodes"),
+        run.table(survival) if run.has_table(survival) else None,
     )
 
 

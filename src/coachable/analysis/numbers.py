@@ -13,21 +13,23 @@ from coachable.analysis.claims import decide
 from coachable.analysis.comparison import compared, pairs
 from coachable.analysis.measurements import Measurements, measure, measure_so_far
 from coachable.analysis.statistics import at_the_end, statistics_of
+from coachable.envs.squashing import Deterministic
 from coachable.experiments.run_folder.reader import Run
 
 
-def table_numbers(run: Run) -> dict[str, Any]:
+def table_numbers(run: Run, deterministic: Deterministic | None = None) -> dict[str, Any]:
     """The numbers of `coachable table`: estimates over seeds with 95 % intervals, by setup.
 
     Of a run with a baseline they are `SetupStatistics` and the claims with their comparisons; of any other
-    the measures of `measures`, at each seed's last evaluation so far.
+    the measures of `measures`, at each seed's last evaluation so far. `deterministic` as in `measure`.
 
     **Raises:** what `measure` raises.
     """
     plan = run.experiment
     about = {"name": plan.name, "robot": plan.problem.robot, "status": run.status, "steps": plan.steps}
     if run.baseline is None:
-        runs = measure(run) if run.status == "complete" else measure_so_far(run)
+        complete = run.status == "complete"
+        runs = measure(run, deterministic) if complete else measure_so_far(run)
         return about | {
             "setups": [
                 {"name": setup.name, "num_runs": setup.num_runs}
@@ -35,7 +37,7 @@ def table_numbers(run: Run) -> dict[str, Any]:
                 for setup in runs.setups
             ]
         }
-    runs = measure(run)
+    runs = measure(run, deterministic)
     return about | {
         "semantics": runs.semantics,
         "baseline_distance": runs.baseline_distance,

@@ -60,10 +60,12 @@ def heading(runs: Measurements) -> str:
     num_runs = runs.setups[0].num_runs
     setups = _count(len(runs.setups), "setup")
     size = f"{setups} × {_count(num_runs, 'seed')} × {runs.steps:,} steps"
+    rule = runs.experiment.deterministic[0]
+    acting = "" if rule == "clipped-mean" else f", {rule.replace('-', ' ')}"
     if runs.has_baseline:
-        return f"{runs.name}: {size}, {runs.semantics} semantics"
+        return f"{runs.name}: {size}, {runs.semantics} semantics{acting}"
     plan = runs.experiment
-    return f"{runs.name}: {plan.problem.robot}, {plan.behaviour.name}, {plan.trainer.name}, {size}"
+    return f"{runs.name}: {plan.problem.robot}, {plan.behaviour.name}, {plan.trainer.name}, {size}{acting}"
 
 
 def _last_evaluation(runs: Measurements) -> Section:
@@ -100,14 +102,17 @@ def settings(experiment: Experiment) -> tuple[Section, Section]:
     """What each setup pays, and the learner with its settings, as the resolved plan has them."""
     plan = experiment.to_data()
     setups = plan["setups"]
-    keys = list(next(iter(setups.values())))
+    keys = list(dict.fromkeys(key for values in setups.values() for key in values))
     learner = [("trainer", plan["trainer"])]
     learner += [item for table in experiment.trainer.to_data().values() for item in table.items()]
     return (
         Section(
             "Setups",
             ("setup", *(key.replace("_", " ") for key in keys)),
-            tuple((name, *(_plain(values[key]) for key in keys)) for name, values in setups.items()),
+            tuple(
+                (name, *(_plain(values[key]) if key in values else NOTHING for key in keys))
+                for name, values in setups.items()
+            ),
         ),
         Section("Learner", ("setting", "value"), tuple((name, _plain(value)) for name, value in learner)),
     )

@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float, Shaped
 
+from coachable.analysis.claims import ALONE
 from coachable.analysis.intervals import (
     Estimate,
     estimate,
@@ -130,8 +131,16 @@ class Improvement:
     """In the distance after the last update."""
 
 
+MOST_IN_PAIRS = 5
+"""Of more setups pairs would fill pages."""
+
+
 def improvements(runs: Measurements) -> tuple[Improvement, ...]:
-    """The probability of improvement of each setup over each that stands before it in the plan."""
+    """The probability of improvement of each setup over each that stands before it in the plan.
+
+    Of more than `MOST_IN_PAIRS` setups only those of the description alone over each other one, if it is
+    there.
+    """
 
     def chance(setup: SetupRuns, over: SetupRuns) -> Improvement:
         return Improvement(
@@ -141,4 +150,7 @@ def improvements(runs: Measurements) -> tuple[Improvement, ...]:
             estimate(probability_of_improvement, setup.final_distance, over.final_distance),
         )
 
+    if len(runs.setups) > MOST_IN_PAIRS:
+        alone = [setup for setup in runs.setups if setup.name == ALONE]
+        return tuple(chance(setup, over) for setup in alone for over in runs.setups if over is not setup)
     return tuple(chance(setup, over) for over, setup in combinations(runs.setups, 2))

@@ -10,6 +10,7 @@ from tyro.conf import Positional
 
 from coachable.cli.options import (
     Clock,
+    DeterministicRule,
     LaneSeed,
     LaneSetup,
     PlantOfBaseline,
@@ -26,6 +27,7 @@ from coachable.cli.options import (
 from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
+    from coachable.envs.squashing import Deterministic
     from coachable.plants.plant import Plant
     from coachable.verification.export.model import Model
 
@@ -50,6 +52,7 @@ def export(
     setup: LaneSetup = None,
     seed: LaneSeed = None,
     which: WhichPolicy = "last",
+    deterministic: DeterministicRule = None,
     baseline: Annotated[
         str | None,
         option(
@@ -93,13 +96,15 @@ def export(
     if suffix == ".onnx":
         if baseline is not None or clock is not None:
             raise CoachableError(f"{out} holds a policy alone; leave out --baseline and --clock")
-        _write_onnx(run, setup, seed, which, out)
+        _write_onnx(run, setup, seed, which, deterministic, out)
         return
     if run is not None and Path(run).is_dir():
         if baseline is not None:
             raise CoachableError("a run has policies of its own; leave out either the run or --baseline")
-        model = _lane(Path(run), setup, seed, which, clock)
+        model = _lane(Path(run), setup, seed, which, deterministic, clock)
     else:
+        if deterministic is not None:
+            raise CoachableError("--deterministic is about a run's policies; leave it out")
         if setup is not None or seed is not None:
             raise CoachableError(f"--setup and --seed name a lane of a run, but {run or 'no run'} is given")
         model = _behaviour(run, baseline, clock, plant_of_baseline(plant))
@@ -107,7 +112,14 @@ def export(
     print(f"{out}: {model.name}")
 
 
-def _write_onnx(path: str | None, setup: str | None, seed: int | None, which: Which, out: Path) -> None:
+def _write_onnx(
+    path: str | None,
+    setup: str | None,
+    seed: int | None,
+    which: Which,
+    deterministic: Deterministic | None,
+    out: Path,
+) -> None:
     from coachable.experiments.run_folder.reader import open_run
     from coachable.foundation.files import write_atomic
     from coachable.learning.onnx_graph import onnx_bytes
@@ -117,7 +129,7 @@ def _write_onnx(path: str | None, setup: str | None, seed: int | None, which: Wh
     run = open_run(path)
     lane = run.lane(setup, seed)
     setup, seed = lane.setup, lane.seed
-    write_atomic(out, onnx_bytes(run.policy(setup, seed, which)))
+    write_atomic(out, onnx_bytes(run.policy(setup, seed, which, deterministic)))
     print(f"{out}: {which} policy of {run.lane(setup, seed).name}")
 
 
@@ -126,6 +138,7 @@ def _lane(
     setup: str | None,
     seed: int | None,
     which: Which,
+    deterministic: Deterministic | None,
     clock: Clock | None,
 ) -> Model:
     from coachable.experiments.run_folder.reader import open_run
@@ -140,7 +153,12 @@ def _lane(
         )
     lane = run.lane(setup, seed)
     setup, seed = lane.setup, lane.seed
-    policy = run.policy(setup, seed, which)
+    policy = run.policy(setup, seed, which, deterministic)
+    if policy.memory:
+        raise CoachableError(
+            f"{lane.name} observes its expected phase, too, and no model here has that memory; export it as "
+            "ONNX, or a lane whose setup has observe = 'nothing' or 'value-only'"
+        )
     name = f"{run.behaviour.name}, {which} policy of {run.lane(setup, seed).name}"
     return Model(name, run.behaviour, policy, problem.plant, clock or problem.clock)
 

@@ -46,6 +46,15 @@ WhichPolicy = Annotated[
     Which,
     arg(help="The policy after the last update, or the one with the best evaluation return."),
 ]
+DeterministicRule = Annotated[
+    Literal["clipped-mean", "expected-action"] | None,
+    option(
+        "clipped-mean|expected-action",
+        "What a Gaussian policy does when it does not explore: its mean, clipped, or the mean of the actions "
+        "that it applies.",
+        otherwise="the run's",
+    ),
+]
 PlantOfBaseline = Annotated[
     str | None,
     option("NAME|MODULE:CLASS", "The plant of a baseline; a run has its own.", otherwise=DEFAULT_PLANT),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from coachable.cli.options import (
+    DeterministicRule,
     Json,
     RunFolder,
     Trust,
@@ -23,6 +24,7 @@ from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
     from coachable.analysis.report.formats import Format
+    from coachable.envs.squashing import Deterministic
 
 
 def table(
@@ -30,6 +32,7 @@ def table(
     out: Annotated[
         Path | None, output("DIR", "Where the table and the figures go.", otherwise="the run folder")
     ] = None,
+    deterministic: DeterministicRule = None,
     json: Json = False,
     trust: Trust = False,
 ) -> None:
@@ -39,6 +42,7 @@ def table(
 
         coachable table runs/paper
         coachable table runs/paper -o docs/results/paper
+        coachable table runs/beyond-paper --deterministic clipped-mean -o clipped
         coachable table runs/paper --json
     """
     say_imports(trust, run)
@@ -47,14 +51,17 @@ def table(
         from coachable.experiments.run_folder.reader import open_run
 
         refuse_out_with_json(out)
-        print_json(table_numbers(open_run(run)))
+        print_json(table_numbers(open_run(run), deterministic))
         return
     require_folder(out)
-    show_table(run, out or run)
+    show_table(run, out or run, deterministic)
 
 
-def show_table(run: Path, folder: Path) -> None:
-    """Print a run's table, and write it with its figures into a folder."""
+def show_table(run: Path, folder: Path, deterministic: Deterministic | None = None) -> None:
+    """Print a run's table, and write it with its figures into a folder.
+
+    **Arguments:** `deterministic`, by which of its rules the policies act, by default the first.
+    """
     from coachable.analysis.figures import draw_figures
     from coachable.analysis.measurements import measure, measure_so_far
     from coachable.analysis.table import diverged_lanes, print_table, write_markdown
@@ -63,7 +70,7 @@ def show_table(run: Path, folder: Path) -> None:
     opened = open_run(run)
     # Of a study with claims nothing is decided before it has ended.
     looks_ahead = opened.status != "complete" and opened.baseline is None
-    measured = measure_so_far(opened) if looks_ahead else measure(opened)
+    measured = measure_so_far(opened) if looks_ahead else measure(opened, deterministic)
     if looks_ahead:
         print(f"The run is {opened.status}; this is what there is so far.")
     print_table(measured)

@@ -12,6 +12,7 @@ from coachable.cli.options import (
     BASELINE,
     BehaviourOfBaseline,
     Clock,
+    DeterministicRule,
     LaneSeed,
     LaneSetup,
     PlantOfBaseline,
@@ -30,6 +31,7 @@ from coachable.cli.options import (
 from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
+    from coachable.envs.squashing import Deterministic
     from coachable.verification.passport.closed_loop import EpisodeSubject, Subject
     from coachable.verification.passport.passport import Passport
 
@@ -57,6 +59,7 @@ def verify(
         ),
     ] = "quick",
     which: WhichPolicy = "last",
+    deterministic: DeterministicRule = None,
     baseline: Annotated[
         str | None,
         option(
@@ -131,7 +134,7 @@ def verify(
         folder, beside = out, None
     else:
         say_imports(trust, run)
-        subjects, beside = _subjects(run, setup, seed, which, baseline, every=all)
+        subjects, beside = _subjects(run, setup, seed, which, deterministic, baseline, every=all)
         folder = out or Path(run) / "passports"
     passports = _verified(subjects, level, folder, beside, certify=certify, resume=all)
     _show(passports, subjects[0], summary=all, as_json=json)
@@ -148,6 +151,7 @@ def _subjects(
     setup: str | None,
     seed: int | None,
     which: Which,
+    deterministic: Deterministic | None,
     baseline: str | None,
     *,
     every: bool,
@@ -162,10 +166,18 @@ def _subjects(
     if every:
         chosen = [] if setup is None else [opened.lane(setup, plan.first_seed).setup]
         lanes = [lane for lane in opened.lanes if not chosen or lane.setup in chosen]
+        if isinstance(problem, PlantProblem) and not chosen:
+            # A controller with a memory has no passport; who names its setup is told so.
+            remembering = {each.name for each in plan.reward_setups if each.observe == "memory"}
+            for name in sorted(remembering):
+                print(f"coachable: {name} is left out: it observes its expected phase", file=sys.stderr)
+            lanes = [lane for lane in lanes if lane.setup not in remembering]
     else:
         first = plan.first_seed if seed is None else seed
         lanes = [opened.lane(setup, first)]
-    subjects = [lane_subject(opened, lane.setup, lane.seed, which) for lane in lanes]
+    subjects = [lane_subject(opened, lane.setup, lane.seed, which, deterministic) for lane in lanes]
+    if not subjects:
+        raise CoachableError(f"{run}: every setup observes its expected phase; there is no state feedback")
     if not isinstance(problem, PlantProblem):
         return subjects, None
     beside = baseline_subject(

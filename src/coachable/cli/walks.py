@@ -11,6 +11,7 @@ from tyro.conf import Positional, arg
 from coachable.cli.options import (
     BASELINE,
     BehaviourOfBaseline,
+    DeterministicRule,
     Json,
     LaneSeed,
     LaneSetup,
@@ -56,6 +57,7 @@ def watch(
         option("N [N …]", "The lane's seed; several walk side by side.", otherwise="the plan's first"),
     ] = None,
     which: WhichPolicy = "last",
+    deterministic: DeterministicRule = None,
     seconds: Annotated[float, arg(help="How much of the walk.")] = 10.0,
     plant: PlantOfBaseline = None,
     behaviour: BehaviourOfBaseline = None,
@@ -84,6 +86,8 @@ def watch(
     of_baseline = is_baseline(run, robot)
     if (of_baseline or run.endswith(".json")) and (setup is not None or seed is not None):
         raise PlanError(f"--setup and --seed name a lane of a run, but {run} is given; leave them out")
+    if (of_baseline or run.endswith(".json")) and deterministic is not None:
+        raise PlanError(f"--deterministic is about a run's policies, but {run} is given; leave it out")
     if not of_baseline:
         say_imports(trust, run)
     if of_baseline:
@@ -107,11 +111,13 @@ def watch(
         setup = opened.experiment.setups[0].name if setup is None else setup
         seeds = dict.fromkeys(seed or (opened.experiment.first_seed,))
         if not opened.experiment.problem.in_jax:
+            if deterministic is not None:
+                raise PlanError("--deterministic: of a Gymnasium robot its evaluation episodes are drawn")
             _draw_robot(opened, setup, [*seeds], which, seconds, out)
             who = f"{setup}, seed {', '.join(map(str, seeds))}, {which} policy"
             print(f"{out}: {opened.experiment.problem.robot}, {who}")
             return
-        walks = [walk_of_lane(opened, setup, number, which, seconds) for number in seeds]
+        walks = [walk_of_lane(opened, setup, number, which, seconds, deterministic) for number in seeds]
         who = f"{setup}, seed{'s' * (len(walks) > 1)} {', '.join(map(str, seeds))}, {which} policy"
     titles = [walk.title if len(walks) > 1 else "" for walk in walks]
     motions = {title: walk.motion for title, walk in zip(titles, walks, strict=True)}

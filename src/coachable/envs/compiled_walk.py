@@ -88,6 +88,17 @@ def step_all(
     return jax.vmap(_select)(waiting, states, after), timesteps
 
 
+def start_observation(task: WalkingTask, states: WalkingState) -> Float[np.ndarray, "*walkers observation"]:
+    """What is observed of walkers that have begun an episode: one, or many along the first axis."""
+    if task.observe == "nothing":
+        return np.array(states.observation)
+    return np.array(_observations(task, states) if states.hip_x.ndim else _observation(task, states))
+
+
+_observation = in_single_precision(lambda task, state: task.observation(state))
+_observations = in_single_precision(lambda task, states: jax.vmap(task.observation)(states))
+
+
 def facts_of_step(timestep: Timestep) -> Facts:
     """The info after a step, in arrays of its own."""
     names = ("phase", "hip_x", "foot_x", "time", "fell", "terms")

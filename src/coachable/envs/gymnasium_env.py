@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,10 +21,11 @@ from coachable.envs.compiled_walk import (
     facts_of_start,
     facts_of_step,
     info_of,
+    start_observation,
     step,
 )
 from coachable.envs.start_distribution import Distribution, Start
-from coachable.envs.walking_task import Clock, Timestep, WalkingState, make_task
+from coachable.envs.walking_task import Clock, WalkingState, make_task
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 from coachable.plants.named import make_plant
@@ -43,7 +45,8 @@ PICTURES_A_SECOND = 100
 class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     """An episode of a plant, in float32: `WalkingTask`, one compiled step a call.
 
-    **Observation:** the plant's state; its bounds are those of `Plant.observation_bounds`. Of the compass
+    **Observation:** the plant's state, and with `observe="memory"` in the setup what its reward form shows of
+    its memory; its bounds are those of `Plant.observation_bounds`. Of the compass
     walker (θ1, θ2, θ̇1, θ̇2), angles of the stance and the swing leg from upright [rad] and their velocities
     [rad/s], within bounds that no policy can leave.
 
@@ -71,7 +74,7 @@ class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         behaviour: a `Behaviour`, or what `load_behaviour` takes; by default the one that ships for the plant.
         plant: a `Plant`, or what `plant_class` takes.
         start_noise, start_distribution: how far from x₀ episodes start; see `Start`.
-        truncate: whether the time truncates the episode rather than terminates it.
+        truncate: whether the time truncates the episode rather than terminates it, whatever the setup says.
         shared_evaluation_every: as in `make_task`; for training in `released-code` semantics.
         render_mode: `"rgb_array"`, or `"human"` for a window, which needs the [window] extra.
 
@@ -109,6 +112,12 @@ class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             behaviour = plant.behaviour_under(semantics)
         self.behaviour = behaviour if isinstance(behaviour, Behaviour) else load_behaviour(behaviour)
         setup = setup if isinstance(setup, RewardSetup) else paper_setup(setup)
+        if setup.observe == "value-only":
+            raise ParameterError(
+                "observe = 'value-only': an environment shows all that it shows to the policy"
+            )
+        if truncate:
+            setup = replace(setup, time_limit="truncates")
         with jax.enable_x64(False):
             self.task = make_task(
                 setup,
@@ -122,11 +131,12 @@ class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
                 shared_evaluation_every=shared_evaluation_every,
             )
         self.start = Start(plant, start_noise, start_distribution)
-        self.truncate = truncate
         self.render_mode = render_mode
         longest = self.task.seconds + self.task.control_dt  # a touchdown's clock may overshoot by a step
         bounds = plant.observation_bounds(plant.action_box, self.start.largest, longest)
-        self.observation_space = gymnasium.spaces.Box(-bounds, bounds, dtype=np.float32)
+        shares = np.ones(len(self.task.memory_names), bounds.dtype)  # all in [0, 1]
+        low, high = np.append(-bounds, 0 * shares), np.append(bounds, shares)
+        self.observation_space = gymnasium.spaces.Box(low, high, dtype=np.float32)
         low, high = (np.array(torques, np.float32) for torques in plant.action_box)
         self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float32)
         self._weights = np.array(self.task.weights)
@@ -146,7 +156,7 @@ class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         else:
             state, phase = begin_episode(self.task, x0, self._state)
         self._state, self._ended, self._touchdowns = state, False, 0
-        return self._tell(facts_of_start(state, phase))
+        return self._tell(facts_of_start(state, phase), start_observation(self.task, state))
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Hold the clipped controls for one control step."""
@@ -159,10 +169,10 @@ class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         state, timestep = step(self.task, self._state, control)
         timestep = jax.device_get(timestep)
         self._touchdowns += int(timestep.foot_x != self._facts["foot_x"])
-        self._state, self._ended = state, bool(timestep.terminated)
-        terminated, truncated = ended(timestep, self.truncate)
-        observation, info = self._tell(facts_of_step(timestep))
-        return observation, float(timestep.reward), bool(terminated), bool(truncated), info
+        terminated, truncated = bool(timestep.terminated), bool(timestep.truncated)
+        self._state, self._ended = state, terminated or truncated
+        observation, info = self._tell(facts_of_step(timestep), timestep.observation)
+        return observation, float(timestep.reward), terminated, truncated, info
 
     def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The picture of now, 640 × 360, if the render mode is `rgb_array`; a window needs no asking."""
@@ -178,7 +188,9 @@ class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             self._window.close()
             self._window = None
 
-    def _tell(self, facts: Facts) -> tuple[np.ndarray, dict[str, Any]]:
+    def _tell(
+        self, facts: Facts, observation: Float[np.ndarray, " observation"]
+    ) -> tuple[np.ndarray, dict[str, Any]]:
         """The observation and the info, each in memory of its own; in human mode also the picture."""
         assert self._state is not None
         self._facts = facts
@@ -187,7 +199,7 @@ class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
             self._window = self._window or Window(f"coachable: {self.task.plant.name}")
             self._window.show(self._picture(), PICTURES_A_SECOND)
-        return np.array(self._state.observation), info_of(facts, self._weights)
+        return np.array(observation), info_of(facts, self._weights)
 
     def _picture(self) -> Image:
         if self._state is None:
@@ -195,17 +207,12 @@ class PlantEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         return picture(self, np.asarray(self._state.observation), self._facts, self._touchdowns)
 
 
-def ended(timestep: Timestep, truncate: bool) -> tuple[np.ndarray | np.bool_, np.ndarray | np.bool_]:
-    """Whether episodes terminated and whether they were truncated, in that order."""
-    over, fell = np.array(timestep.terminated), np.array(timestep.fell)
-    return (fell, over & ~fell) if truncate else (over, np.zeros_like(over))
-
-
-def picture(env: PlantEnv, x: Float[np.ndarray, " state"], facts: Facts, touchdowns: int) -> Image:
-    """A robot of this environment at state x, after so many touchdowns."""
+def picture(env: PlantEnv, x: Float[np.ndarray, " observation"], facts: Facts, touchdowns: int) -> Image:
+    """A robot of this environment that is observed at x, after so many touchdowns."""
     from coachable.drawing.stage import draw_instant
 
     plant = env.task.plant
-    points = plant.kinematics(np.asarray(x), np.asarray(facts["foot_x"]))
+    x = np.asarray(x)[: len(plant.state_names)]
+    points = plant.kinematics(x, np.asarray(facts["foot_x"]))
     phase, time = int(facts["phase"]), float(facts["time"])
     return draw_instant(plant.skeleton, points, touchdowns, env.behaviour.phases, phase, time)

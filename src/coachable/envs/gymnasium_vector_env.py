@@ -22,9 +22,10 @@ from coachable.envs.compiled_walk import (
     facts_of_start,
     facts_of_step,
     info_of,
+    start_observation,
     step_all,
 )
-from coachable.envs.gymnasium_env import PlantEnv, ended, picture
+from coachable.envs.gymnasium_env import PlantEnv, picture
 from coachable.envs.vector_infos import masked, only
 from coachable.foundation.errors import ParameterError
 
@@ -106,7 +107,8 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarr
         begun = self._begin(chosen, anew)
         self._ended = self._ended & ~chosen
         if chosen.all():
-            self._facts, self._observations = begun, self._x0.copy()
+            self._facts = begun
+            self._observations = start_observation(self._one.task, self._states)
             self._touchdowns = np.zeros(self.num_envs, int)
         else:
             self._put(chosen, begun)
@@ -133,7 +135,7 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarr
         self._touchdowns += timesteps.foot_x != self._facts["foot_x"]
         self._observations, self._facts = np.array(timesteps.observation), facts_of_step(timesteps)
         rewards = timesteps.reward.astype(np.float64)
-        terminated, truncated = map(np.asarray, ended(timesteps, self._one.truncate))
+        terminated, truncated = np.array(timesteps.terminated), np.array(timesteps.truncated)
         if begun is not None:
             self._put(waiting, begun)
             rewards[waiting], terminated[waiting], truncated[waiting] = 0.0, False, False
@@ -203,7 +205,7 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarr
         """The chosen walkers are seen at their start."""
         for name, values in begun.items():
             self._facts[name][chosen] = values[chosen]
-        self._observations[chosen] = self._x0[chosen]
+        self._observations[chosen] = start_observation(self._one.task, self._states)[chosen]
         self._touchdowns[chosen] = 0
 
     def _facts_of(self, walker: int) -> Facts:

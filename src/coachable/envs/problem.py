@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar
@@ -10,6 +11,7 @@ from typing import Any, ClassVar
 import gymnasium
 
 from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.text.printer import to_text
 from coachable.envs.behaviour_reward import BehaviourReward
 from coachable.envs.gymnasium_env import PlantEnv
 from coachable.envs.own_reward import OwnReward
@@ -57,8 +59,7 @@ class Problem(abc.ABC):
         """The environment as lanes that are evaluated every so many steps train in it."""
         return self.environment(setup)
 
-    @property
-    def policy_description(self) -> dict[str, Any]:
+    def policy_description(self, setup: Any) -> dict[str, Any]:
         """Entries of a policy's description that its trainer does not know."""
         return {}
 
@@ -115,12 +116,20 @@ class PlantProblem(Problem):
         """`hip_x`, or `foot_x` in `released-code`."""
         return "hip_x" if self.semantics == "paper" else "foot_x"
 
+    def form_of(self, setup: RewardSetup) -> RewardForm:
+        """The setup's own reward form, or else the problem's."""
+        return self.form if setup.reward_variant is None else form_from_data(setup.reward_variant)
+
+    def program_of(self, setup: RewardSetup) -> str:
+        """What the compiled task of a setup depends on: setups that share it differ in weights alone."""
+        return json.dumps([self.form_of(setup).to_data(), setup.observe, setup.time_limit], sort_keys=True)
+
     def task(self, setup: RewardSetup, *, squashing: Squashing = "clip", **options: Any) -> WalkingTask:
         """The task in JAX; `options` as in `make_task`."""
         return make_task(
             setup,
             self.semantics,
-            self.form,
+            self.form_of(setup),
             self.clock,
             behaviour=self.behaviour,
             plant=self.plant,
@@ -135,7 +144,7 @@ class PlantProblem(Problem):
         return PlantEnv(
             setup,
             self.semantics,
-            self.form,
+            self.form_of(setup),
             self.clock,
             behaviour=self.behaviour,
             plant=self.plant,
@@ -148,14 +157,19 @@ class PlantProblem(Problem):
         released = self.semantics == "released-code"
         return self.environment(setup, shared_evaluation_every=evaluate_every if released else 0)
 
-    @property
-    def policy_description(self) -> dict[str, Any]:
-        """The state's names, and the clock that the policy is sampled by."""
-        return {"observation_names": self.plant.state_names, "clock": self.clock}
+    def policy_description(self, setup: RewardSetup) -> dict[str, Any]:
+        """What the policy observes, and the clock that it is sampled by."""
+        seen, memory = self.plant.state_names, {}
+        if setup.observe == "memory":
+            form = self.form_of(setup)
+            seen += form.bind(self.behaviour, WalkingTask.control_dt).observation_names
+            data = {"behaviour": to_text(self.behaviour), "reward_variant": form.to_data()}
+            memory = {"memory": data}
+        return {"observation_names": seen, "clock": self.clock, **memory}
 
     def reward_hash(self, setup: RewardSetup) -> str:
         """SHA-256 of what the setup pays."""
-        return reward_hash(self.behaviour, self.form, self.semantics, setup)
+        return reward_hash(self.behaviour, self.form_of(setup), self.semantics, setup)
 
     def to_data(self) -> dict[str, Any]:
         """The keys `semantics`, `reward_variant`, `clock` and the table `plant`."""

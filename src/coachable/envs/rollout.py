@@ -114,6 +114,7 @@ class Trajectory:
     def of(cls, task: WalkingTask, episode: Episode) -> "Trajectory":
         """Return the steps of an episode that were taken, as NumPy arrays."""
         start = episode.start
+        num_states = len(task.plant.state_names)
         x0, foot_x, hip_x = jax.device_get((start.walk.x, start.walk.foot_x, start.hip_x))
         steps, alive = jax.device_get((episode.timesteps, episode.alive))
         steps = jax.tree.map(lambda leaf: leaf[alive], steps)
@@ -124,7 +125,7 @@ class Trajectory:
         def with_end(rows: np.ndarray) -> np.ndarray:
             return np.concatenate([rows, np.zeros_like(rows[:1])])
 
-        x = with_start(x0, steps.observation)
+        x = with_start(x0, steps.observation[:, :num_states])  # the state comes first in an observation
         states: dict[str, np.ndarray] = dict(zip(task.plant.state_names, x.T, strict=True))
         tracker = task.behaviour_reward.tracker
         return cls(

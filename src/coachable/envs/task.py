@@ -16,7 +16,7 @@ class Timestep(eqx.Module):
     terminated: Bool[Array, ""]
     """Whether the episode ended for good: a fall, or T, at which the return of the paper ends."""
     truncated: Bool[Array, ""]
-    """Whether it was cut short; a walking task never is."""
+    """Whether it was cut short: by T where that truncates."""
     fell: Bool[Array, ""]
     """Whether the walker fell, its feet chattered, or its state left the finite numbers."""
     terms: Float[Array, "5"]
@@ -40,6 +40,11 @@ class Task(eqx.Module):
     @abc.abstractmethod
     def observation_size(self) -> int:
         """Numbers in an observation."""
+
+    @property
+    def num_seen(self) -> int:
+        """How many of them, from the first on, the policy sees; the value network sees all."""
+        return self.observation_size
 
     @property
     @abc.abstractmethod

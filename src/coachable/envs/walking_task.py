@@ -22,8 +22,8 @@ from coachable.plants.plant import Plant
 from coachable.plants.sampled import CLOCKS, SampledState, Sampling, sampled_step
 from coachable.plants.sampled import Clock as Clock
 from coachable.rewards.described_reward import DescribedReward, RewardMemory
-from coachable.rewards.forms import RewardForm
-from coachable.rewards.setup import RewardSetup, Semantics
+from coachable.rewards.forms import RewardForm, form_from_data
+from coachable.rewards.setup import Observe, RewardSetup, Semantics, TimeLimit
 from coachable.rewards.terms import StepFacts, full_reward, reward_terms
 
 Box = tuple[float | tuple[float, ...], float | tuple[float, ...]]
@@ -84,6 +84,8 @@ class WalkingTask(Task):
     semantics: Semantics = eqx.field(static=True, default="paper")
     clock: Clock = eqx.field(static=True, default="free")
     squashing: Squashing = eqx.field(static=True, default="clip")
+    observe: Observe = eqx.field(static=True, default="nothing")
+    time_limit: TimeLimit = eqx.field(static=True, default="terminates")
     control_dt: float = eqx.field(static=True, default=0.01)
     seconds: float = eqx.field(static=True, default=10.0)
     shared_evaluation_every: int = eqx.field(static=True, default=0)
@@ -91,8 +93,19 @@ class WalkingTask(Task):
 
     @property
     def observation_size(self) -> int:
-        """The state's coordinates."""
-        return len(self.plant.state_names)
+        """The state's coordinates, and what is observed of the reward's memory."""
+        return len(self.plant.state_names) + len(self.memory_names)
+
+    @property
+    def num_seen(self) -> int:
+        """All of them but, with `observe="value-only"`, those of the memory."""
+        num_hidden = len(self.memory_names) if self.observe == "value-only" else 0
+        return self.observation_size - num_hidden
+
+    @property
+    def memory_names(self) -> tuple[str, ...]:
+        """Names of the numbers behind the state's in an observation."""
+        return () if self.observe == "nothing" else self.behaviour_reward.observation_names
 
     @property
     def action_size(self) -> int:
@@ -141,9 +154,15 @@ class WalkingTask(Task):
 
         return eqx.tree_at(outlives, self.init(), outlives(state))
 
-    def observation(self, state: WalkingState) -> Float[Array, " state"]:
-        """Return the plant's state as the controller sees it."""
-        return state.observation
+    def observation(self, state: WalkingState) -> Float[Array, " observation"]:
+        """Return the plant's state as the controller sees it, and what is observed of the memory."""
+        return self._with_memory(state.observation, state.memory)
+
+    def _with_memory(self, x: Float[Array, " state"], memory: RewardMemory) -> Float[Array, " observation"]:
+        if self.observe == "nothing":
+            return x
+        zero = jnp.zeros((), x.dtype)
+        return jnp.append(x, self.behaviour_reward.observed(memory.form, memory.phase.location, zero))
 
     def locate(self, x: Float[Array, " state"]) -> Int[Array, ""]:
         """Return the location of a state: a phase of the behaviour, or K outside."""
@@ -172,7 +191,8 @@ class WalkingTask(Task):
             time_is_up = walk.num_steps >= self.samples_in_time
 
         hip_x = self.plant.base(x, foot_x)[0]
-        terminated, reward = fell | time_is_up, self.behaviour_reward
+        ends = self.time_limit == "terminates"
+        terminated, reward = (fell | time_is_up if ends else fell), self.behaviour_reward
         memory, paid, info = reward.step(state.memory, self._signals(x), terminated, moved.elapsed)
         facts = StepFacts(
             r_or=paid,
@@ -188,10 +208,10 @@ class WalkingTask(Task):
         )
         terms = reward_terms(facts, self.semantics)
         timestep = Timestep(
-            observation=x,
+            observation=self._with_memory(x, memory),
             reward=full_reward(self.weights, terms),
             terminated=terminated,
-            truncated=jnp.zeros((), bool),
+            truncated=jnp.zeros((), bool) if ends else time_is_up & ~fell,
             fell=fell,
             terms=terms,
             hip_x=hip_x,
@@ -243,9 +263,10 @@ def make_task(
     """Return the walking task of a reward setup.
 
     Arguments:
-        setup: the weights of the reward's terms.
+        setup: the weights of the reward's terms, what is observed, and what T does.
         semantics: `paper`, or `released-code` with the quirks of the code that came with it.
-        reward_variant: how r_or is read; by default `stay` in `paper` and `released` in `released-code`.
+        reward_variant: how r_or is read, unless the setup says so; by default `stay` in `paper` and
+            `released` in `released-code`.
         clock: `free`, a sample every 0.01 s, or `touchdown`, where a touchdown restarts the sample clock.
         parameters: of the plant, a value of its parameters' dataclass; by default the plant's own.
         behaviour: what r_or pays for; by default the one that ships for the plant.
@@ -270,10 +291,11 @@ def make_task(
     plant = make_plant(plant, parameters).under(semantics)
     behaviour = behaviour or load_behaviour(plant.behaviour_under(semantics))
     low, high = plant.action_box if box is None else box
+    form = form_from_data(setup.reward_variant) if setup.reward_variant is not None else reward_variant
     task = WalkingTask(
         plant=plant,
         behaviour_reward=DescribedReward(
-            behaviour, reward_variant or ("stay" if paper else "released"), WalkingTask.control_dt
+            behaviour, form or ("stay" if paper else "released"), WalkingTask.control_dt
         ),
         x0=jnp.asarray(plant.start),
         weights=jnp.asarray(setup.weights),
@@ -282,6 +304,8 @@ def make_task(
         semantics=semantics,
         clock=clock,
         squashing=squashing,
+        observe=setup.observe,
+        time_limit=setup.time_limit,
         seconds=seconds,
         shared_evaluation_every=shared_evaluation_every,
     )

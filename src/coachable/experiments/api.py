@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import jax
 
 from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.text.parser import parse
 from coachable.envs.rollout import Trajectory
 from coachable.envs.rollout import rollout as roll_out
 from coachable.envs.walking_task import NO_BOX, make_task
@@ -63,7 +66,7 @@ def rollout(
     **Arguments:** `controller`, from the plant's state to its control, in JAX, of the compass walker from
     (θ1, θ2, θ̇1, θ̇2) [rad, rad/s] to the torques (ankle, hip) [N m]; `seconds` at most; `clock`, by default
     the policy's own, else `free`; `plant`, or its name; `behaviour`, whose phases the trajectory names, by
-    default the one that ships for the plant.
+    default the one that ships for the plant, or the one that a policy with a memory remembers of.
 
     **Raises:** `ParameterError` for more seconds than 100,000, and what `make_task` raises.
 
@@ -71,8 +74,13 @@ def rollout(
     weights.
     """
     real_number(seconds, "seconds", ParameterError, least=0.01, most=100_000)
+    setup, memory = PAPER_SETUPS["sparse"], getattr(controller, "memory", "")
+    if memory:
+        described = json.loads(memory)
+        behaviour = behaviour or parse(described["behaviour"])
+        setup = replace(setup, observe="memory", reward_variant=described["reward_variant"])
     task = make_task(
-        PAPER_SETUPS["sparse"],
+        setup,
         semantics,
         clock=clock or getattr(controller, "clock", "free"),
         plant=plant,

@@ -57,7 +57,7 @@ class _OfPlant(Assessment):
     fell_key = "fell"
 
     def __init__(self, experiment: Experiment, lane: Lane):
-        tasks = Tasks.of(experiment)
+        tasks = Tasks.of(experiment, lane.setup)
         evaluation = tasks.weighted(tasks.evaluation, lane)
         self._behaviour = experiment.behaviour
         self._location_at_start = int(evaluation.locate(evaluation.x0))

@@ -10,10 +10,12 @@ from typing import Any, Literal
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.problem import PlantProblem, Problem, Setup
+from coachable.envs.squashing import DETERMINISTIC, Deterministic
 from coachable.experiments.trainers.trainer import Trainer
 from coachable.foundation.data import toml_text, whole_number
 from coachable.foundation.errors import PlanError
-from coachable.rewards.setup import RewardSetup
+from coachable.foundation.suggestion import suggestion
+from coachable.rewards.setup import TERM_NAMES, RewardSetup
 
 Which = Literal["last", "best"]
 """Of a lane's policies: after the last update, or at the best evaluation return."""
@@ -68,6 +70,9 @@ class Experiment:
     """Episodes an evaluation, always from the same starts; a plant has one start."""
     first_seed: int = 0
     num_seeds: int = 1
+    deterministic: tuple[Deterministic, ...] = ("clipped-mean",)
+    """What policies do when they do not explore: by the first rule they are evaluated, chosen and kept; by
+    further ones they are evaluated, too."""
 
     def __post_init__(self) -> None:
         for key, (least, most) in _BOUNDS.items():
@@ -85,6 +90,7 @@ class Experiment:
             raise PlanError(f"the setup {repeated[0]!r} is there more than once")
         if reason := self.trainer.cannot_train(self.problem):
             raise PlanError(reason)
+        self._check_deterministic()
         # In a Gymnasium environment half of the evaluations' seed: a lane's environments are seeded one after
         # another from a multiple of the lane's seed on.
         end = 2**31 if self.problem.in_jax else EVALUATION_SEED // 2
@@ -93,6 +99,30 @@ class Experiment:
         lanes = len(names) * self.num_seeds
         if lanes > _MOST_LANES:
             raise PlanError(f"setups times seeds must be at most {_MOST_LANES:,}, got {lanes:,}")
+
+    def _check_deterministic(self) -> None:
+        rules = self.deterministic
+        if not rules or len(set(rules)) < len(rules):
+            raise PlanError(f"deterministic = {list(rules)} must name each rule once")
+        for rule in rules:
+            if rule not in DETERMINISTIC:
+                hint = suggestion(str(rule), DETERMINISTIC)
+                raise PlanError(f"deterministic = {rule!r}: {hint}")
+        if "expected-action" in rules and self.trainer.squashing != "clip":
+            raise PlanError(
+                "deterministic = 'expected-action': the mean of an action that is squashed by tanh has no "
+                "closed form; take clipped-mean, which squashes the mean, or squashing = 'clip'"
+            )
+        if not self.trainer.compiled:
+            if len(rules) > 1:
+                raise PlanError(
+                    f"trainer {self.trainer.name!r} evaluates by one rule: give one deterministic"
+                )
+            if hidden := [each.name for each in self.reward_setups if each.observe == "value-only"]:
+                raise PlanError(
+                    f"setup {hidden[0]!r}: observe = 'value-only' needs trainer = 'ppo'; {self.trainer.name} "
+                    "shows its policy and its value network the same"
+                )
 
     @property
     def behaviour(self) -> Behaviour:
@@ -166,6 +196,7 @@ class Experiment:
             "trainer": self.trainer.name,
             "steps": self.steps,
             "evaluate_every": self.evaluate_every,
+            **({} if self.deterministic == ("clipped-mean",) else {"deterministic": [*self.deterministic]}),
             **({} if self.problem.in_jax else {"evaluation_episodes": self.evaluation_episodes}),
             "seeds": {"first": self.first_seed, "count": self.num_seeds},
             **self.problem.to_data(),
@@ -185,7 +216,12 @@ def differences(ours: Experiment, theirs: Experiment) -> list[str]:
 
 
 def _weights(setup: Setup) -> dict[str, Any]:
-    return {key: value for key, value in dataclasses.asdict(setup).items() if key != "name"}
+    """The setup's table; of a plant's setup the settings beside its weights only if they are not as usual."""
+    table = {key: value for key, value in dataclasses.asdict(setup).items() if key != "name"}
+    if isinstance(setup, RewardSetup):
+        usual = dataclasses.asdict(RewardSetup(setup.name))
+        table = {key: value for key, value in table.items() if key in TERM_NAMES or value != usual[key]}
+    return table
 
 
 def _flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

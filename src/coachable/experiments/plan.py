@@ -73,6 +73,7 @@ class _Tables:
     dt: float = 0.0
     on_nan: Literal["raise", "outside"] = "raise"
     evaluation_episodes: int = 1
+    deterministic: str | tuple[str, ...] = ("clipped-mean",)
 
 
 _OF_PLANTS = ("semantics", "reward_variant", "clock", "plant")
@@ -273,6 +274,7 @@ def _resolved(
             trainer=trainer,
             first_seed=seeds.get("first", 0),
             num_seeds=seeds.get("count", defaults["count"]),
+            deterministic=_rules(given.get("deterministic", ("clipped-mean",))),
             **{
                 key: given.get(key, defaults[key])
                 for key in ("steps", "evaluate_every", "evaluation_episodes")
@@ -281,6 +283,10 @@ def _resolved(
         )
     except PlanError as error:
         raise PlanError(f"{sources}: {error}") from None
+
+
+def _rules(given: str | Sequence[str]) -> Any:
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def _plant_problem(

@@ -79,7 +79,7 @@ def recorded_plant_walk(
     run.lane(setup, seed)
     weights = run.experiment.setup(setup)
     with jax.enable_x64(False):  # as it was trained
-        task = problem.task(weights, box=NO_BOX)
+        task = problem.task(weights.of_policy, box=NO_BOX)
         columns = (
             run.trajectory(setup, seed, which)
             if episode == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import jax
@@ -18,6 +19,7 @@ from coachable.experiments.run_folder.schemas import schemas
 from coachable.experiments.run_folder.writer import RunFolder
 from coachable.experiments.trainers.trainer import TrainedLanes
 from coachable.foundation.tables import table_of
+from coachable.plants.plant import Controller
 from coachable.rewards.setup import TERM_NAMES
 
 
@@ -30,10 +32,15 @@ def roll_out_baseline(experiment: Experiment) -> tuple[dict[str, Any], Trajector
     if not isinstance(problem, PlantProblem):
         return None
     with jax.enable_x64(True):
-        task = problem.task(experiment.reward_setups[0], box=NO_BOX)
-        name, controller = next(iter(task.plant.controllers().items()))
-        episode = jax.jit(lambda: rollout(task, controller))()
-        numbers = summary(task, episode)
+        of_programs = {}
+        for setup in experiment.reward_setups:
+            if (program := problem.program_of(setup)) not in of_programs:
+                task = problem.task(setup, box=NO_BOX)
+                name, controller = next(iter(task.plant.controllers().items()))
+                state_feedback = _of_state(controller, len(task.plant.state_names))
+                episode = jax.jit(partial(rollout, task, state_feedback))()
+                of_programs[program] = task, episode, name, summary(task, episode)
+        task, episode, name, numbers = next(iter(of_programs.values()))
         terms = np.asarray(numbers.terms)
         return {
             "controller": name,
@@ -44,14 +51,22 @@ def roll_out_baseline(experiment: Experiment) -> tuple[dict[str, Any], Trajector
             "share_in_cycle": float(numbers.share_in_cycle),
             "terms": dict(zip(TERM_NAMES, terms.tolist(), strict=True)),
             "returns": {
-                setup.name: float(np.dot(setup.weights, terms)) for setup in experiment.reward_setups
+                setup.name: float(
+                    np.dot(setup.weights, np.asarray(of_programs[problem.program_of(setup)][3].terms))
+                )
+                for setup in experiment.reward_setups
             },
         }, Trajectory.of(task, episode)
 
 
+def _of_state(controller: Controller, num_states: int) -> Controller:
+    """A controller that sees the state alone, whatever else is observed."""
+    return lambda observation: controller(observation[:num_states])
+
+
 def write_logs(folder: RunFolder, experiment: Experiment, lanes: Sequence[TrainedLanes]) -> None:
     """Write what has been logged so far: every table but the trajectories."""
-    for name, schema in schemas(experiment.problem).items():
+    for name, schema in schemas(experiment).items():
         if name != "trajectories":
             parts = [part for some in lanes if (part := some.table(name))]
             columns = {
@@ -77,7 +92,7 @@ def write_trajectories(folder: RunFolder, experiment: Experiment, lanes: Sequenc
 
     Nothing is written for a problem without that table.
     """
-    schema = schemas(experiment.problem).get("trajectories")
+    schema = schemas(experiment).get("trajectories")
     if schema is None:
         return
     rows = [

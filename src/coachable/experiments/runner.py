@@ -145,7 +145,7 @@ def _train(work: Work, report: Report) -> None:
             write_logs(folder, experiment, lanes)
             write_policies(folder, lanes)
             write_trajectories(folder, experiment, lanes)
-            folder.complete(schemas(experiment.problem))
+            folder.complete(schemas(experiment))
         except BaseException:
             for some in lanes:
                 some.save()

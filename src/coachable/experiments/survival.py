@@ -30,7 +30,7 @@ def time_up(
 
     def step(state: WalkingState, _: None) -> tuple[WalkingState, tuple[Array, Array], Array]:
         state, timestep = task.step(state, controller(task.observation(state)))
-        return state, (timestep.time, timestep.fell), timestep.terminated
+        return state, (timestep.time, timestep.fell), timestep.terminated | timestep.truncated
 
     _, (time, fell) = walk_unrecorded(step, task.init())
     return time, ~fell

@@ -8,6 +8,7 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.drawing.motion import Motion
 from coachable.envs.baselines import baseline
+from coachable.envs.squashing import Deterministic
 from coachable.experiments.api import rollout
 from coachable.experiments.experiment import Which
 from coachable.experiments.run_folder.reader import Run
@@ -45,18 +46,27 @@ def walk_of_baseline(
     return TitledMotion(f"{name}, {report.hip_x:.2f} m", motion, behaviour)
 
 
-def walk_of_lane(run: Run, setup: str, seed: int, which: Which, seconds: float) -> TitledMotion:
+def walk_of_lane(
+    run: Run,
+    setup: str,
+    seed: int,
+    which: Which,
+    seconds: float,
+    deterministic: Deterministic | None = None,
+) -> TitledMotion:
     """A lane's stored walk as far as it goes, a fresh one if that is not far enough.
+
+    **Arguments:** `deterministic`, what its policy does when it does not explore, by default as it was kept.
 
     **Raises:** `RunFolderError` if the run has no such lane, or what is stored of it is damaged.
     """
     problem = run.experiment.require_plant("a stored walk")
-    if seconds <= STORED_SECONDS:
+    if seconds <= STORED_SECONDS and deterministic in (None, run.experiment.deterministic[0]):
         stored = run.trajectory(setup, seed, which)
         columns = {name: column[stored["t"] <= seconds + 1e-6] for name, column in stored.items()}
     else:
         columns = rollout(
-            run.policy(setup, seed, which),
+            run.policy(setup, seed, which, deterministic),
             seconds,
             semantics=problem.semantics,
             plant=problem.plant,

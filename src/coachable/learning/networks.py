@@ -28,6 +28,8 @@ class ActorCritic(eqx.Module):
     value_bias: Float[Array, ""]
     log_std: Float[Array, " actions"]
     """log σ of the policy; does not depend on the state. With `value_bias` last: see `ppo.learn`."""
+    num_seen: int | None = eqx.field(static=True, default=None)
+    """How many observations, from the first on, the policy sees; `None` for all."""
 
     def __call__(
         self, observations: Float[Array, "observations batch"]
@@ -41,7 +43,10 @@ class ActorCritic(eqx.Module):
     ) -> tuple[Float[Array, "actions batch"], Float[Array, " batch"]]:
         """The policy's mean action and the value less `value_bias`, for every column of `observations`."""
         first = self.second_weight.shape[2]
-        hidden = jnp.tanh(self.first_weight @ observations + self.first_bias[:, None])
+        first_weight = self.first_weight
+        if self.num_seen is not None:
+            first_weight = first_weight.at[:first, self.num_seen :].set(0)
+        hidden = jnp.tanh(first_weight @ observations + self.first_bias[:, None])
         hidden = jnp.tanh(self.second_weight @ hidden.reshape(2, first, -1) + self.second_bias[:, :, None])
         policy_features, value_features = hidden
         means = self.mean_weight @ policy_features + self.mean_bias[:, None]
@@ -55,6 +60,7 @@ class ActorCritic(eqx.Module):
         layers = [(weight.T, bias) for weight, bias in self.policy_layers]
 
         def mean_action(observation):
+            observation = observation[: self.num_seen]
             *hidden, (weight, bias) = layers
             for hidden_weight, hidden_bias in hidden:
                 observation = jnp.tanh(observation @ hidden_weight + hidden_bias)
@@ -65,7 +71,7 @@ class ActorCritic(eqx.Module):
     def means(self, observations: Float[Array, "observations batch"]) -> Float[Array, "actions batch"]:
         """The policy's mean action for every column of `observations`; the value network is not run."""
         (weight_1, bias_1), (weight_2, bias_2), (weight_3, bias_3) = self.policy_layers
-        hidden = jnp.tanh(weight_1 @ observations + bias_1[:, None])
+        hidden = jnp.tanh(weight_1 @ observations[: self.num_seen] + bias_1[:, None])
         hidden = jnp.tanh(weight_2 @ hidden + bias_2[:, None])
         return weight_3 @ hidden + bias_3[:, None]
 
@@ -78,10 +84,10 @@ class ActorCritic(eqx.Module):
 
     @property
     def policy_layers(self) -> tuple[tuple[Array, Array], ...]:
-        """(weight, bias) of the policy's three layers; a weight is (outputs, inputs)."""
+        """(weight, bias) of the policy's three layers; a weight is (outputs, inputs), of what it sees."""
         first = self.second_weight.shape[2]
         return (
-            (self.first_weight[:first], self.first_bias[:first]),
+            (self.first_weight[:first, : self.num_seen], self.first_bias[:first]),
             (self.second_weight[0], self.second_bias[0]),
             (self.mean_weight, self.mean_bias),
         )
@@ -103,6 +109,9 @@ class ActorCritic(eqx.Module):
         """The inverse of `policy_layers` and `value_layers`."""
         (p1, pb1), (p2, pb2), (p3, pb3) = policy
         (v1, vb1), (v2, vb2), (v3, vb3) = value
+        num_seen, num_hidden = p1.shape[1], v1.shape[1] - p1.shape[1]
+        if num_hidden:
+            p1 = jnp.pad(p1, ((0, 0), (0, num_hidden)))
         return cls(
             first_weight=jnp.concatenate([p1, v1]),
             first_bias=jnp.concatenate([pb1, vb1]),
@@ -113,21 +122,27 @@ class ActorCritic(eqx.Module):
             value_weight=v3[0],
             value_bias=vb3[0],
             log_std=log_std,
+            num_seen=num_seen if num_hidden else None,
         )
 
 
 def initial_networks(
-    key: PRNGKeyArray, num_observations: int, num_actions: int, hidden_sizes: tuple[int, int], dtype=None
+    key: PRNGKeyArray,
+    num_observations: int,
+    num_actions: int,
+    hidden_sizes: tuple[int, int],
+    dtype=None,
+    num_seen: int | None = None,
 ) -> ActorCritic:
     """Orthogonal weights; biases and log σ are 0.
 
-    The gain is √2 in the hidden layers, 0.01 for the mean action and 1 for the value.
-    Source: stable-baselines3 2.9, `ActorCriticPolicy`, `ortho_init=True`.
+    `num_seen` as in `ActorCritic`. The gain is √2 in the hidden layers, 0.01 for the mean action and 1 for
+    the value. Source: stable-baselines3 2.9, `ActorCriticPolicy`, `ortho_init=True`.
     """
     first, second = hidden_sizes
     gains = (2**0.5, 2**0.5)
 
-    def layers(key, output_size, output_gain):
+    def layers(key, num_observations, output_size, output_gain):
         sizes = ((first, num_observations), (second, first), (output_size, second))
         keys = jax.random.split(key, 3)
         return [
@@ -136,5 +151,6 @@ def initial_networks(
         ]
 
     policy_key, value_key = jax.random.split(key)
-    policy, value = layers(policy_key, num_actions, 0.01), layers(value_key, 1, 1.0)
+    policy = layers(policy_key, num_observations if num_seen is None else num_seen, num_actions, 0.01)
+    value = layers(value_key, num_observations, 1, 1.0)
     return ActorCritic.from_layers(policy, value, jnp.zeros(num_actions, dtype))

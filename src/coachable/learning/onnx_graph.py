@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,9 @@ def onnx_bytes(policy: Policy) -> bytes:
         if number < len(layers):
             then({"tanh": "Tanh", "relu": "Relu"}[policy.activation])
     low, high = np.asarray(policy.low), np.asarray(policy.high)
-    if policy.squashing == "tanh":
+    if policy.deterministic == "expected-action":
+        last = _expected_action(nodes, constant, last, low, high, np.asarray(policy.std))
+    elif policy.squashing == "tanh":
         then("Tanh")
         then("Add", constant("one", 1.0))
         then("Mul", constant("half_width", (high - low) / 2))
@@ -73,3 +76,35 @@ def onnx_bytes(policy: Policy) -> bytes:
     helper.set_model_props(model, {"description": json.dumps(policy.description())})
     checker.check_model(model)
     return model.SerializeToString()
+
+
+def _expected_action(
+    nodes: list[Any],
+    constant: Callable[[str, object], str],
+    mean: str,
+    low: np.ndarray,
+    high: np.ndarray,
+    std: np.ndarray,
+) -> str:
+    """Add `envs.squashing.expected_action` of a mean to a graph; returns the name of the result.
+
+    As low + σ (h(a) − h(b)) with h(z) = z Φ(z) + φ(z), a = (μ − low) / σ, b = (μ − high) / σ.
+    """
+    from onnx import helper
+
+    def node(operation: str, *inputs: str) -> str:
+        result = f"expected_{operation.lower()}_{len(nodes)}"
+        nodes.append(helper.make_node(operation, inputs, [result]))
+        return result
+
+    def mean_excess(bound: str) -> str:
+        z = node("Div", node("Sub", mean, bound), sigma)
+        below = node("Add", node("Erf", node("Mul", z, root_half)), one)  # 2 Φ(z)
+        density = node("Mul", node("Exp", node("Mul", node("Mul", z, z), minus_half)), peak)
+        return node("Add", node("Mul", node("Mul", z, below), half), density)
+
+    sigma, least, greatest = constant("std", std), constant("low", low), constant("high", high)
+    one, half, minus_half = constant("one", 1.0), constant("half", 0.5), constant("minus_half", -0.5)
+    root_half, peak = constant("root_half", 0.5**0.5), constant("peak", (2 * np.pi) ** -0.5)
+    difference = node("Sub", mean_excess(least), mean_excess(greatest))
+    return node("Add", node("Mul", difference, sigma), least)

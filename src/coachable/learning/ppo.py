@@ -131,7 +131,12 @@ def init(key: PRNGKeyArray, task: Task, config: PPOConfig) -> TrainState:
     task_state = task.init(task_key)
     dtype = task.observation(task_state).dtype
     networks = initial_networks(
-        network_key, task.observation_size, task.action_size, config.hidden_sizes, dtype
+        network_key,
+        task.observation_size,
+        task.action_size,
+        config.hidden_sizes,
+        dtype,
+        num_seen=task.num_seen,
     )
     zeros = jnp.zeros_like(ravel_pytree(networks)[0])
     return TrainState(

@@ -256,11 +256,11 @@ class Learner:
         model = self._model
         if isinstance(model, OnPolicyAlgorithm):
             network = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
-            squashing = "clip"
+            squashing, std = "clip", jnp.exp(jnp.asarray(_array(model.policy.log_std)))
         elif isinstance(model, SAC):
-            network, squashing = [*model.actor.latent_pi, model.actor.mu], "tanh"
+            network, squashing, std = [*model.actor.latent_pi, model.actor.mu], "tanh", None
         else:
-            network, squashing = [*model.actor.mu][:-1], "tanh"
+            network, squashing, std = [*model.actor.mu][:-1], "tanh", None
         linear = [part for part in network if isinstance(part, torch.nn.Linear)]
         kinds = {type(part) for part in network} - {torch.nn.Linear}
         box = self._model.action_space
@@ -271,6 +271,7 @@ class Learner:
             high=jnp.asarray(box.high, jnp.float32),
             activation=next((name for name, kind in ACTIVATIONS.items() if kind in kinds), "tanh"),
             squashing=squashing,
+            std=std,
             **self._scaling(),
         )
 

@@ -33,7 +33,7 @@ def hash_of_paid(behaviour: Behaviour, form: RewardForm | str, **also: object) -
         "phases": [str(normal_form(phase.predicate)) for phase in behaviour.phases],
         **also,
     }
-    if any(phase.dwell not in (None, Dwell()) for phase in behaviour.phases):
+    if form_of(form).judges_dwells and any(phase.dwell not in (None, Dwell()) for phase in behaviour.phases):
         paid["dwells"] = [_times(phase.dwell or Dwell()) for phase in behaviour.phases]
         if (flicker := form_of(form).flicker) != 0:
             paid["flicker"] = None if flicker is None else repr(float(flicker))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -15,6 +15,17 @@ from coachable.rewards.forms import RewardForm, form_from_data
 
 Semantics = Literal["paper", "released-code"]
 
+Observe = Literal["nothing", "memory", "value-only"]
+"""What of a reward form's memory is appended to observations: nothing; what the form shows of it; or that
+for the value network alone (Pinto et al., *Asymmetric actor critic*, RSS 2018)."""
+
+TimeLimit = Literal["terminates", "truncates"]
+"""What the time T does to an episode: ends it for good, as the paper's return does, or cuts it short, so that
+its future counts (Pardo et al., *Time limits in reinforcement learning*, ICML 2018)."""
+
+OBSERVE: tuple[Observe, ...] = ("nothing", "memory", "value-only")
+TIME_LIMITS: tuple[TimeLimit, ...] = ("terminates", "truncates")
+
 TERM_NAMES = ("jerk", "distance", "fall", "forward", "orthant")
 """The order of the reward's terms, and of their weights, wherever they stand in an array."""
 
@@ -23,7 +34,8 @@ TERM_NAMES = ("jerk", "distance", "fall", "forward", "orthant")
 class RewardSetup:
     """How much each term of the reward counts. The defaults are the weights that the paper's setups share.
 
-    **Raises:** `ParameterError` for an empty name or a weight that is not a finite number.
+    **Raises:** `ParameterError` for an empty name, a weight that is not a finite number, an unknown word and
+    what `form_from_data` raises.
     """
 
     name: str
@@ -37,6 +49,10 @@ class RewardSetup:
     """ω_for, for each step in which the hip moves forward; −ω_for for one in which it does not."""
     orthant: int | float = 0.0
     """ω_or, for each step that follows the behaviour; −ω_or for one that does not."""
+    reward_variant: str | Mapping[str, Any] | None = field(default=None, hash=False)
+    """The reward form as plain data, if it is another one than the plan's; see `form_from_data`."""
+    observe: Observe = "nothing"
+    time_limit: TimeLimit = "terminates"
 
     def __post_init__(self):
         if not self.name.strip():
@@ -48,6 +64,18 @@ class RewardSetup:
                     f"reward setup {self.name!r}: the weight {term} is {shown(given)}; give a finite number"
                 )
             object.__setattr__(self, term, weight)
+        for key, known in (("observe", OBSERVE), ("time_limit", TIME_LIMITS)):
+            if (word := getattr(self, key)) not in known:
+                raise ParameterError(
+                    f"reward setup {self.name!r}: {key} = {word!r}: {suggestion(str(word), known)}"
+                )
+        if self.reward_variant is not None:
+            form_from_data(self.reward_variant)
+
+    @property
+    def of_policy(self) -> RewardSetup:
+        """The setup with what the policy observes: nothing of what the value network alone does."""
+        return replace(self, observe="nothing") if self.observe == "value-only" else self
 
     @property
     def weights(self) -> tuple[float, float, float, float, float]:
@@ -97,13 +125,18 @@ class DescribedSetup:
     """The reward form as plain data: its name, or a table with its fields; see `form_from_data`."""
     cycle_bonus: float = 0.0
     """Paid for each completed cycle."""
-    observe: Literal["memory", "nothing"] = "nothing"
+    observe: Literal["nothing", "memory"] = "nothing"
     """Whether what the form lets a policy observe is appended to the observation."""
 
     def __post_init__(self):
         _ = self.form
-        if self.observe not in ("memory", "nothing"):
-            hint = suggestion(str(self.observe), ("memory", "nothing"))
+        if str(self.observe) == "value-only":
+            raise ParameterError(
+                "observe = 'value-only': a Gymnasium environment shows its policy and its value network the "
+                "same; give memory or nothing"
+            )
+        if self.observe not in ("nothing", "memory"):
+            hint = suggestion(str(self.observe), ("nothing", "memory"))
             raise ParameterError(f"observe = {self.observe!r}: {hint}")
         for key, value in {"weight": self.weight, "cycle_bonus": self.cycle_bonus, **self.terms}.items():
             real_number(value, key, ParameterError)

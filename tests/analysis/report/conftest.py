@@ -61,9 +61,9 @@ def make_run(gait):
         path.mkdir(parents=True)
         folder = RunFolder.begin(path, plan, (len(plan.lanes),), reference)
         columns = made_up(plan, gait.trajectory, seconds)
-        for table, schema in schemas(plan.problem).items():
+        for table, schema in schemas(plan).items():
             folder.write_table(table, table_of(schema, getattr(columns, table)))
-        folder.complete(schemas(plan.problem))
+        folder.complete(schemas(plan))
         return path
 
     return make

@@ -53,6 +53,7 @@ def marks(claim: Claim, half: Mapping[str, float]) -> list[Mark]:
         advantage = comparison.advantage
         unit = "points" if comparison.unit == "%" else comparison.unit
         estimate = with_interval(advantage, IN_UNIT[comparison.unit])
+        paper = paper_words(comparison)
         found.append(
             Mark(
                 comparison.relation,
@@ -62,8 +63,8 @@ def marks(claim: Claim, half: Mapping[str, float]) -> list[Mark]:
                 place(advantage.high),
                 place(paper_advantage(comparison)),
                 f"{comparison.measure}, {comparison.relation}: {estimate} {unit} in favour, "
-                f"p for {p_value(comparison.p_for)}, against {p_value(comparison.p_against)}; "
-                f"the paper: {paper_words(comparison)}",
+                f"p for {p_value(comparison.p_for)}, against {p_value(comparison.p_against)}"
+                + (f"; the paper: {paper}" if paper else ""),
             )
         )
     return found

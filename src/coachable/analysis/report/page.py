@@ -165,17 +165,15 @@ def _palette(studies: Sequence[StudyReport]) -> str:
 
 def _claims(studies: Sequence[StudyReport]) -> list[dict[str, Any]]:
     """Each claim with what every complete study says of it."""
-    decided = [study for study in studies if study.claims]
-    if not decided:
-        return []
     rows = []
-    for claims in zip(*(study.claims for study in decided), strict=True):
-        half = reach(claims)
+    for name in dict.fromkeys(claim.name for study in studies for claim in study.claims):
+        asked = [(study, claim) for study in studies for claim in study.claims if claim.name == name]
+        half = reach([claim for _, claim in asked])
         answers = [
             {"study": study, "headline": headline(claim), "marks": marks(claim, half)}
-            for study, claim in zip(decided, claims, strict=True)
+            for study, claim in asked
         ]
-        rows.append({"name": claims[0].name, "statement": claims[0].statement, "answers": answers})
+        rows.append({"name": name, "statement": asked[0][1].statement, "answers": answers})
     return rows
 
 

@@ -15,6 +15,7 @@ from safetensors.numpy import load
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.text.parser import parse
+from coachable.envs.squashing import Deterministic
 from coachable.experiments.experiment import Experiment, Lane, Which
 from coachable.experiments.plan import parse_plan
 from coachable.experiments.run_folder.schemas import GAITS, READABLE, schemas
@@ -108,8 +109,15 @@ class Run:
             raise RunFolderError(f"{self.path} has no seed {seed}; it has {seeds[0]} to {seeds[-1]}")
         return Lane(setup, seed)
 
-    def policy(self, setup: str, seed: int, which: Which = "last") -> Policy:
-        """The lane's learned controller: the `last`, or the `best` by evaluation return."""
+    def policy(
+        self, setup: str, seed: int, which: Which = "last", deterministic: Deterministic | None = None
+    ) -> Policy:
+        """The lane's learned controller: the `last`, or the `best` by evaluation return.
+
+        **Arguments:** `deterministic`, what it does when it does not explore, by default as it was kept.
+
+        **Raises:** `ParameterError` for a rule that it cannot follow; see `Policy.acting`.
+        """
         from coachable.learning.policy import Policy
 
         stem = f"policies/{self.lane(setup, seed).name}-{which}"
@@ -117,11 +125,12 @@ class Run:
         try:
             described = self.path / f"{stem}.json"
             description = parse_json(self._read(f"{stem}.json"), str(described), RunFolderError)
-            return Policy.of(self._tensors(stem), description)
+            policy = Policy.of(self._tensors(stem), description)
         except RunFolderError as error:
             if isinstance(error, RunFolderError) and str(self.path) in str(error):
                 raise
             raise RunFolderError(f"{weights} is damaged: {error}") from None
+        return policy if deterministic is None else policy.acting(deterministic)
 
     def diverged(self) -> tuple[Lane, ...]:
         """The lanes whose last policy holds numbers that are not finite: their training diverged."""
@@ -161,7 +170,7 @@ class Run:
                 )
             schema = GAITS
         else:
-            known = schemas(self.experiment.problem)
+            known = schemas(self.experiment)
             if name not in known:
                 robot = self.experiment.problem.robot
                 raise RunFolderError(f"a run of {robot} has no table {name!r}; {suggestion(name, known)}")

@@ -7,7 +7,9 @@ from types import MappingProxyType
 
 import pyarrow as pa
 
-from coachable.envs.problem import PlantProblem, Problem
+from coachable.envs.problem import PlantProblem
+from coachable.envs.squashing import Deterministic
+from coachable.experiments.experiment import Experiment
 from coachable.plants.plant import Plant
 from coachable.rewards.setup import TERM_NAMES
 
@@ -139,8 +141,13 @@ part. Strides and steps are null in older tables, which lack them.
 """
 
 
-def schemas(problem: Problem) -> Mapping[str, pa.Schema]:
-    """The tables of a problem's runs by name.
+def table_of_rule(table: str, rule: Deterministic) -> str:
+    """The name of a table under a further rule for what policies do when they do not explore."""
+    return f"{table}-{rule}"
+
+
+def schemas(experiment: Experiment) -> Mapping[str, pa.Schema]:
+    """The tables of an experiment's runs by name.
 
     `lane` is `setup-seed`, or a baseline's name. `fell`: whether the episode ended in a fall; in a Gymnasium
     environment, whether it terminated and was not truncated. `share_in_cycle`: the share of steps in a phase.
@@ -151,5 +158,16 @@ def schemas(problem: Problem) -> Mapping[str, pa.Schema]:
     - A Gymnasium environment's, one row an episode: `return` is what the lane was trained for, `environment`
       the environment's own return, `behaviour` the described reward's with its weight; `distance` is how far
       `x_position` in the infos moved, NaN where there is none.
+
+    Policies are evaluated by the experiment's first rule for what they do when they do not explore; by
+    further ones in tables of their own, such as `evaluations-clipped-mean`.
     """
-    return _of_plant(problem.plant) if isinstance(problem, PlantProblem) else _OF_ENVIRONMENT
+    if not isinstance(problem := experiment.problem, PlantProblem):
+        return _OF_ENVIRONMENT
+    tables = _of_plant(problem.plant)
+    further = {
+        table_of_rule(name, rule): tables[name]
+        for rule in experiment.deterministic[1:]
+        for name in ("evaluations", "survival")
+    }
+    return {**tables, **further}

@@ -1,4 +1,4 @@
-"""The compiled programs that train, evaluate and measure lanes, one set for each width of batch."""
+"""The compiled programs that train, evaluate and measure lanes: a set for each width and kind of batch."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coachable.envs.rollout import Episode, Summary, rollout, summary
+from coachable.envs.squashing import Deterministic, expected_action
 from coachable.envs.walking_task import WalkingTask
 from coachable.experiments.experiment import Experiment, Lane
 from coachable.experiments.layout import lane_key
@@ -27,6 +28,7 @@ from coachable.experiments.survival import (
 from coachable.learning import ppo
 from coachable.learning.config import PPOConfig
 from coachable.learning.networks import ActorCritic
+from coachable.plants.plant import Controller
 
 COMPILER_OPTIONS = {"xla_cpu_multi_thread_eigen": False}
 """A program runs in the thread that calls it; the cores are kept busy by batches side by side."""
@@ -37,7 +39,9 @@ Tree = TypeVar("Tree")
 
 @dataclass(frozen=True)
 class Tasks:
-    """The task of an experiment in the forms that its lanes need, without their weights."""
+    """The task of some setups of an experiment that share a program, in the forms that their lanes need,
+    without their weights.
+    """
 
     training: WalkingTask
     evaluation: WalkingTask
@@ -51,20 +55,25 @@ class Tasks:
     """Perturbed starts."""
 
     @staticmethod
-    def of(experiment: Experiment) -> Tasks:
-        """The tasks of an experiment with a plant."""
+    def of(experiment: Experiment, setup: str | None = None) -> Tasks:
+        """The tasks of an experiment with a plant.
+
+        **Arguments:** `setup`, one of those that share the program; by default the first.
+        """
         problem = experiment.require_plant("a compiled task")
         released = problem.semantics == "released-code"
-        make = partial(problem.task, experiment.reward_setups[0], squashing=experiment.trainer.squashing)
+        one = experiment.reward_setups[0] if setup is None else experiment.setup(setup)
+        setups = [
+            each for each in experiment.reward_setups if problem.program_of(each) == problem.program_of(one)
+        ]
+        make = partial(problem.task, one, squashing=experiment.trainer.squashing)
         evaluation = make()
         return Tasks(
             training=make(shared_evaluation_every=experiment.evaluate_every if released else 0),
             evaluation=evaluation,
             long=make(seconds=LONG_SECONDS),
             perturbed=make(seconds=PERTURBED_SECONDS),
-            weights={
-                s.name: np.asarray(s.weights, evaluation.weights.dtype) for s in experiment.reward_setups
-            },
+            weights={each.name: np.asarray(each.weights, evaluation.weights.dtype) for each in setups},
             starts=perturbed_starts(evaluation),
         )
 
@@ -85,9 +94,9 @@ class Programs:
     """key, task of one lane → its state"""
     update: Compiled
     """tasks, states → states, episodes, diagnostics"""
-    evaluate: Compiled
+    evaluate: Mapping[Deterministic, Compiled]
     """tasks, networks → `Summary`, `Episode`"""
-    survive: Compiled
+    survive: Mapping[Deterministic, Compiled]
     """networks of one lane → time up [s] of a long episode, share of perturbed starts up"""
 
 
@@ -101,8 +110,8 @@ def compile_programs(
 ) -> dict[int, Programs]:
     """The programs for every width, compiled side by side."""
 
-    def survive(networks: ActorCritic) -> tuple[jax.Array, jax.Array]:
-        policy = networks.actor()
+    def survive(deterministic: Deterministic, networks: ActorCritic) -> tuple[jax.Array, jax.Array]:
+        policy = controller_of(tasks.evaluation, networks, deterministic)
         seconds_up, _ = time_up(tasks.long, policy, tasks.long.x0)
         return seconds_up, share_up(tasks.perturbed, policy, jnp.asarray(tasks.starts))
 
@@ -116,17 +125,18 @@ def compile_programs(
 
     one_state = jax.eval_shape(init, lane_key(experiment.lanes[0]), tasks.training)
     sources: dict[tuple[int, str], tuple[Any, ...]] = {
-        (1, "init"): (init, lane_key(experiment.lanes[0]), tasks.training),
-        (1, "survive"): (survive, one_state.networks),
+        (1, "init"): (init, lane_key(experiment.lanes[0]), tasks.training)
     }
+    for rule in experiment.deterministic:
+        sources[1, f"survive {rule}"] = (partial(survive, rule), one_state.networks)
     for width in set(widths):
-        lanes = [Lane(experiment.reward_setups[0].name, 0)] * width
+        lanes = [Lane(next(iter(tasks.weights)), 0)] * width
         training, evaluation = (tasks.stacked(task, lanes) for task in (tasks.training, tasks.evaluation))
         states = jax.eval_shape(stacked, [one_state] * width)
-        sources |= {
-            (width, "update"): (update, training, states),
-            (width, "evaluate"): (jax.vmap(_evaluate), evaluation, states.networks),
-        }
+        sources[width, "update"] = (update, training, states)
+        for rule in experiment.deterministic:
+            evaluate = jax.vmap(partial(_evaluate, rule))
+            sources[width, f"evaluate {rule}"] = (evaluate, evaluation, states.networks)
 
     def compile_one(function: Callable, *arguments: Any) -> Compiled:
         with jax.enable_x64(False):
@@ -140,13 +150,24 @@ def compile_programs(
         width: Programs(
             init=compiled[1, "init"],
             update=compiled[width, "update"],
-            evaluate=compiled[width, "evaluate"],
-            survive=compiled[1, "survive"],
+            evaluate={rule: compiled[width, f"evaluate {rule}"] for rule in experiment.deterministic},
+            survive={rule: compiled[1, f"survive {rule}"] for rule in experiment.deterministic},
         )
         for width in set(widths)
     }
 
 
-def _evaluate(task: WalkingTask, networks: ActorCritic) -> tuple[Summary, Episode]:
-    episode = rollout(task, networks.actor())
+def _evaluate(
+    deterministic: Deterministic, task: WalkingTask, networks: ActorCritic
+) -> tuple[Summary, Episode]:
+    episode = rollout(task, controller_of(task, networks, deterministic))
     return summary(task, episode), episode
+
+
+def controller_of(task: WalkingTask, networks: ActorCritic, deterministic: Deterministic) -> Controller:
+    """What the networks do when they do not explore, from an observation; the task squashes it."""
+    mean_action = networks.actor()
+    if deterministic == "clipped-mean":
+        return mean_action
+    std = jnp.exp(networks.log_std)
+    return lambda observation: expected_action(mean_action(observation), std, task.low, task.high)

@@ -43,7 +43,7 @@ class EnvironmentTrainer(Trainer):
             env = make()
             try:
                 learner = self.learner(make, experiment.first_seed)
-                learner.policy()
+                learner.policy().acting(experiment.deterministic[0])
                 learner.close()
                 env.reset(seed=0)
                 env.step(env.action_space.sample())

@@ -12,12 +12,12 @@ import numpy as np
 
 from coachable.automata.cycle_progress import completed_cycles
 from coachable.envs.rollout import Trajectory
-from coachable.envs.walking_task import WalkingTask
+from coachable.envs.squashing import Deterministic
 from coachable.experiments.experiment import Experiment, Lane, Which
 from coachable.experiments.layout import evaluation_steps, lane_key
 from coachable.experiments.log import Columns, Log
 from coachable.experiments.run_folder.checkpoint import arrays_of, load_arrays, save_arrays, tree_from
-from coachable.experiments.run_folder.schemas import DIAGNOSTICS
+from coachable.experiments.run_folder.schemas import DIAGNOSTICS, table_of_rule
 from coachable.experiments.trainers.compiled import Programs, Tasks, stacked
 from coachable.foundation.errors import RunFolderError
 from coachable.learning.networks import ActorCritic
@@ -26,7 +26,6 @@ from coachable.learning.ppo import Diagnostics, Episodes
 from coachable.rewards.setup import TERM_NAMES
 
 SECONDS_BETWEEN_CHECKPOINTS = 30.0
-LOGS = ("episodes", "evaluations", "survival")
 
 
 class LaneBatch:
@@ -47,7 +46,9 @@ class LaneBatch:
         self._evaluation = tasks.stacked(tasks.evaluation, lanes)
         self._location_at_start = int(tasks.evaluation.locate(tasks.evaluation.x0))
         self._due = evaluation_steps(experiment)
-        self._logs = {name: Log() for name in LOGS}
+        further = experiment.deterministic[1:]
+        names = [table_of_rule(table, rule) for rule in further for table in ("evaluations", "survival")]
+        self._logs = {name: Log() for name in ("episodes", *names, "evaluations", "survival")}
         self._saved_at = time.monotonic()
         self._consistent = True
         self.num_updates = 0
@@ -117,8 +118,8 @@ class LaneBatch:
     def policies(self) -> Mapping[tuple[Lane, Which], Policy]:
         """The last policy of every lane, and the best by evaluation return."""
         return {
-            (lane, which): _policy(
-                jax.tree.map(lambda leaf, i=index: jnp.asarray(leaf[i]), networks), self._evaluation
+            (lane, which): self._policy(
+                jax.tree.map(lambda leaf, i=index: jnp.asarray(leaf[i]), networks), lane
             )
             for which, networks in self.networks().items()
             for index, lane in enumerate(self.lanes)
@@ -128,7 +129,8 @@ class LaneBatch:
         """The evaluation episode of every lane with its last and with its best networks."""
         found = {}
         for which, networks in self.networks().items():
-            _, episodes = self._programs.evaluate(self._evaluation, networks)
+            first = self._experiment.deterministic[0]
+            _, episodes = self._programs.evaluate[first](self._evaluation, networks)
             for index, lane in enumerate(self.lanes):
                 task, episode = jax.tree.map(
                     lambda leaf, index=index: leaf[index], (self._evaluation, episodes)
@@ -166,7 +168,7 @@ class LaneBatch:
                 f"{self._path} is of another version of coachable: {error}; remove it"
             ) from None
         self.num_updates = about["num_updates"]
-        self._logs = {name: Log.of(arrays, f"{name}.") for name in LOGS}
+        self._logs = {name: Log.of(arrays, f"{name}.") for name in self._logs}
         self._latest = self._logs["evaluations"].last(len(self.lanes))
 
     def _update(self) -> None:
@@ -190,14 +192,32 @@ class LaneBatch:
         steps = self._due.get(self.num_updates, ())
         if not steps:
             return
-        networks = self._states.networks
-        found, episodes = self._programs.evaluate(self._evaluation, networks)
+        first, *further = self._experiment.deterministic
+        for rule in further:
+            self._log_evaluation(table_of_rule("evaluations", rule), self._evaluated(rule), steps)
+        self._latest = columns = self._evaluated(first)
+        self._log_evaluation("evaluations", columns, steps)
+        better = columns["return"] > self._best_return
+        self._best_return = np.where(better, columns["return"], self._best_return)
+        self._best = jax.tree.map(
+            lambda new, old: np.where(better.reshape(-1, *[1] * (old.ndim - 1)), new, old),
+            self._states.networks,
+            self._best,
+        )
+
+    def _log_evaluation(self, table: str, columns: Columns, steps: Sequence[int]) -> None:
+        for step in steps:
+            self._logs[table].add(columns | {"step": np.full(len(self.lanes), step)})
+
+    def _evaluated(self, rule: Deterministic) -> Columns:
+        """An evaluation of every lane, a row each."""
+        found, episodes = self._programs.evaluate[rule](self._evaluation, self._states.networks)
         found, phases, alive = jax.device_get((found, episodes.timesteps.phase, episodes.alive))
         cycles = [
             completed_cycles(self._experiment.behaviour, np.append(self._location_at_start, phase[taken]))
             for phase, taken in zip(phases, alive, strict=True)
         ]
-        columns = {
+        return {
             "lane": np.arange(len(self.lanes), dtype=np.int32),
             "return": found.episode_return,
             "hip_x": found.hip_x,
@@ -208,37 +228,34 @@ class LaneBatch:
             "cycles": np.array(cycles, np.int32),
             **dict(zip(TERM_NAMES, found.terms.T, strict=True)),
         }
-        for step in steps:
-            self._logs["evaluations"].add(columns | {"step": np.full(len(self.lanes), step)})
-        self._latest = columns
-        better = found.episode_return > self._best_return
-        self._best_return = np.where(better, found.episode_return, self._best_return)
-        self._best = jax.tree.map(
-            lambda new, old: np.where(better.reshape(-1, *[1] * (old.ndim - 1)), new, old),
-            networks,
-            self._best,
-        )
 
     def _test_one_lane(self) -> None:
         index = self.num_measured
         networks = jax.tree.map(lambda leaf: leaf[index], self._states.networks)
-        seconds_up, perturbed_up = self._programs.survive(networks)
-        self._logs["survival"].add(
-            {
-                "lane": np.array([index], np.int32),
-                "seconds_up": np.asarray(seconds_up)[None],
-                "perturbed_up": np.asarray(perturbed_up)[None],
-            }
+        first, *further = self._experiment.deterministic
+        # The first one's table counts the lanes that are done, so it is the last to grow.
+        tables: dict[str, Deterministic] = {table_of_rule("survival", rule): rule for rule in further}
+        tables["survival"] = first
+        for table, rule in tables.items():
+            seconds_up, perturbed_up = self._programs.survive[rule](networks)
+            self._logs[table].add(
+                {
+                    "lane": np.array([index], np.int32),
+                    "seconds_up": np.asarray(seconds_up)[None],
+                    "perturbed_up": np.asarray(perturbed_up)[None],
+                }
+            )
+
+    def _policy(self, networks: ActorCritic, lane: Lane) -> Policy:
+        task, experiment = self._evaluation, self._experiment
+        policy = Policy(
+            weights=tuple(weight for weight, _ in networks.policy_layers),
+            biases=tuple(bias for _, bias in networks.policy_layers),
+            low=jnp.asarray(task.low[0], jnp.float32),
+            high=jnp.asarray(task.high[0], jnp.float32),
+            std=jnp.exp(networks.log_std) if task.squashing == "clip" else None,
+            squashing=task.squashing,
+            deterministic=experiment.deterministic[0],
         )
-
-
-def _policy(networks: ActorCritic, task: WalkingTask) -> Policy:
-    return Policy(
-        weights=tuple(weight for weight, _ in networks.policy_layers),
-        biases=tuple(bias for _, bias in networks.policy_layers),
-        low=jnp.asarray(task.low[0], jnp.float32),
-        high=jnp.asarray(task.high[0], jnp.float32),
-        observation_names=task.plant.state_names,
-        squashing=task.squashing,
-        clock=task.clock,
-    )
+        about = experiment.problem.policy_description(experiment.setup(lane.setup))
+        return Policy.of(policy.tensors(), policy.description() | about)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import accumulate, pairwise
+from itertools import accumulate, groupby, pairwise
 from typing import TYPE_CHECKING, Any
 
 from coachable.envs.problem import Problem
@@ -18,7 +18,7 @@ from coachable.experiments.trainers.workers import take_turns
 from coachable.learning.config import PPOConfig
 
 if TYPE_CHECKING:
-    from coachable.experiments.experiment import Experiment
+    from coachable.experiments.experiment import Experiment, Lane
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,11 @@ class PPO(Trainer):
         """As configured."""
         return self.config.squashing
 
+    @property
+    def compiled(self) -> bool:
+        """They are."""
+        return True
+
     def cannot_train(self, problem: Problem) -> str:
         """It needs the physics in JAX."""
         if problem.in_jax:
@@ -53,19 +58,42 @@ class PPO(Trainer):
         return {"ppo": dataclasses.asdict(self.config)}
 
     def batch_sizes(self, experiment: Experiment, num_workers: int) -> tuple[int, ...]:
-        """As wide as fills the processor's vectors, with a share for every worker."""
-        return batch_sizes(len(experiment.lanes), num_workers)
+        """As wide as fills the processor's vectors, with a share for every worker.
+
+        Lanes of a batch are trained by one program.
+        """
+        sizes: list[int] = []
+        for _, lanes in _by_program(experiment):
+            sizes += batch_sizes(len(lanes), num_workers)
+        return tuple(sizes)
 
     def start(self, work: Work) -> tuple[Sequence[LaneBatch], Callable[[Watch], None]]:
         """Lane batches that take turns on worker threads."""
         experiment, folder = work.experiment, work.folder
-        tasks = Tasks.of(experiment)
-        programs = compile_programs(experiment, self.config, tasks, folder.batch_sizes, work.num_workers)
         ends = accumulate(folder.batch_sizes, initial=0)
-        batches = []
-        for index, (start, end) in enumerate(pairwise(ends)):
-            lanes = experiment.lanes[start:end]
-            batches.append(
-                LaneBatch(experiment, lanes, tasks, programs[len(lanes)], folder.checkpoint(index))
-            )
+        of_batches = [experiment.lanes[start:end] for start, end in pairwise(ends)]
+        keys = [program_of(experiment, lanes[0]) for lanes in of_batches]
+        tasks, programs = {}, {}
+        for key, lanes in zip(keys, of_batches, strict=True):
+            if key not in tasks:
+                widths = {len(each) for other, each in zip(keys, of_batches, strict=True) if other == key}
+                tasks[key] = Tasks.of(experiment, lanes[0].setup)
+                programs[key] = compile_programs(
+                    experiment, self.config, tasks[key], widths, work.num_workers
+                )
+        batches = [
+            LaneBatch(experiment, lanes, tasks[key], programs[key][len(lanes)], folder.checkpoint(index))
+            for index, (key, lanes) in enumerate(zip(keys, of_batches, strict=True))
+        ]
         return batches, lambda watch: take_turns(batches, work.num_workers, watch)
+
+
+def program_of(experiment: Experiment, lane: Lane) -> str:
+    """What the compiled programs of a lane depend on; see `PlantProblem.program_of`."""
+    return experiment.require_plant("a compiled task").program_of(experiment.setup(lane.setup))
+
+
+def _by_program(experiment: Experiment) -> list[tuple[str, list[Lane]]]:
+    """Runs of lanes that share a program, in the order of training."""
+    runs = groupby(experiment.lanes, key=lambda lane: program_of(experiment, lane))
+    return [(key, list(lanes)) for key, lanes in runs]

@@ -18,6 +18,7 @@ import numpy as np
 
 from coachable.envs.problem import PlantProblem
 from coachable.envs.rollout import Trajectory, rollout
+from coachable.envs.squashing import Deterministic
 from coachable.experiments.assessment import Assessment, assessment, with_share
 from coachable.experiments.experiment import Experiment, Lane, Which
 from coachable.experiments.layout import evaluation_steps
@@ -75,7 +76,8 @@ class LaneWork:
         )
         due = [step for steps in evaluation_steps(experiment).values() for step in steps]
         with _tracked(self.track) as note:
-            training = _Training(learner, episodes, measure, due, self.path, report, note)
+            rule = experiment.deterministic[0]
+            training = _Training(learner, episodes, measure, rule, due, self.path, report, note)
             if self.path.exists():
                 training.restore()
             learner.learn(experiment.total_steps, training.between)
@@ -156,12 +158,14 @@ class _Training:
         learner: Learner,
         episodes: Episodes,
         measure: Assessment,
+        rule: Deterministic,
         due: list[int],
         path: Path,
         report: Report,
         note: Note,
     ):
         self._learner, self._episodes, self._measure = learner, episodes, measure
+        self._rule: Deterministic = rule
         self._due, self._path, self._report, self._note = due, path, report, note
         self._evaluations = Log()
         self._tables: dict[str, Columns] = {}
@@ -194,7 +198,7 @@ class _Training:
             raise
 
     def finish(self) -> None:
-        self._tables |= self._measure.finish(self._learner.policy())
+        self._tables |= self._measure.finish(self._policy())
         self._done = True
         self._save()
         self._report(Progress(self._learner.num_steps, self._latest, True))
@@ -217,7 +221,7 @@ class _Training:
         self._num_evaluations = about["num_evaluations"]
 
     def _evaluate_at(self, steps: list[int]) -> None:
-        policy = self._learner.policy()
+        policy = self._policy()
         self._latest = self._measure.evaluate(policy)
         for step in steps:
             rows = len(self._latest["return"])
@@ -233,9 +237,12 @@ class _Training:
         if (score := float(np.mean(self._latest["return"]))) > self._best_return:
             self._best, self._best_return = policy, score
 
+    def _policy(self) -> Policy:
+        return self._learner.policy().acting(self._rule)
+
     def _save(self) -> None:
         began = time.monotonic()
-        last = self._learner.policy()
+        last = self._policy()
         best = self._best or last
         arrays = self._episodes.log.arrays("episodes.") | self._evaluations.arrays("evaluations.")
         if not self._done:
@@ -297,7 +304,8 @@ class ProcessLane:
 
     def policies(self) -> Mapping[tuple[Lane, Which], Policy]:
         """The last policy and the best."""
-        about = self.work.experiment.problem.policy_description
+        experiment = self.work.experiment
+        about = experiment.problem.policy_description(experiment.setup(self.work.lane.setup))
         return {
             (self.work.lane, which): Policy.of(policy.tensors(), policy.description() | about)
             for which, policy in self._load()[1].items()
@@ -307,7 +315,7 @@ class ProcessLane:
         """The evaluation episode of each of them, for a plant; empty for a Gymnasium environment."""
         if not isinstance(self.work.experiment.problem, PlantProblem):
             return {}
-        tasks = Tasks.of(self.work.experiment)
+        tasks = Tasks.of(self.work.experiment, self.work.lane.setup)
         task = tasks.weighted(tasks.evaluation, self.work.lane)
         walk = eqx.filter_jit(lambda policy: rollout(task, policy))
         return {key: Trajectory.of(task, walk(policy)) for key, policy in self.policies().items()}

@@ -95,6 +95,11 @@ class Trainer(abc.ABC):
         """How a plant's task keeps the actions of this trainer's policies in its box."""
         return "clip"
 
+    @property
+    def compiled(self) -> bool:
+        """Whether lanes are trained and evaluated by compiled programs, and not in Gymnasium environments."""
+        return False
+
     @abc.abstractmethod
     def cannot_train(self, problem: Problem) -> str:
         """Why it cannot train a problem, in a sentence; empty if it can."""

@@ -58,6 +58,11 @@ class RewardForm(abc.ABC):
         """The absence from a phase through which its time counts on; see `Tracker`. By default 0, none."""
         return 0.0
 
+    @property
+    def judges_dwells(self) -> bool:
+        """Whether the pay depends on the phases' dwell times, if there are any. By default it does."""
+        return True
+
     @abc.abstractmethod
     def bind(self, behaviour: Behaviour, dt: int | float | None) -> BoundForm:
         """The form for a behaviour.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
@@ -17,7 +17,7 @@ from coachable.automata.tracker import CLOCK_TOLERANCE
 from coachable.behaviours.behaviour import Behaviour, Dwell
 from coachable.foundation.data import plain, real_number
 from coachable.foundation.errors import ParameterError
-from coachable.foundation.suggestion import in_a_row
+from coachable.foundation.suggestion import in_a_row, suggestion
 from coachable.rewards.forms.form import BoundForm, Payment, RewardForm, Step, beside
 
 
@@ -46,18 +46,26 @@ class Schedule(RewardForm):
     `skip_fine` for each step of `dt` that was left. A phase without successors stays expected: a goal.
 
     **Arguments:** `skip_fine`, φ from 0, phases may be passed over, to 1, passing over pays no more than
-    waiting outside. Where an episode can be ended, a large fine is a reason to end it.
+    waiting outside. Where an episode can be ended, a large fine is a reason to end it. `robot_leads`, whether
+    the robot's own pace counts; without it the expected run is a fixed clock, as in periodic reward
+    composition (Siekmann et al., ICRA 2021). `durations`, how long phases are expected [s] by name, in place
+    of their `at_most`.
 
-    **Raises:** `ParameterError` for a fine that is not in [0, 1].
+    **Raises:** `ParameterError` for a fine that is not in [0, 1], and a duration that is not positive.
     """
 
     name: ClassVar[str] = "schedule"
 
     skip_fine: int | float = 0.0
+    robot_leads: bool = True
+    durations: Mapping[str, int | float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self):
         real_number(self.skip_fine, "skip_fine", ParameterError, least=0.0, most=1.0)
-        object.__setattr__(self, "skip_fine", plain(self.skip_fine))
+        for phase, seconds in self.durations.items():
+            real_number(seconds, f"durations.{phase}", ParameterError, above=0.0)
+        for name in ("skip_fine", "durations"):
+            object.__setattr__(self, name, plain(getattr(self, name)))
 
     def bind(self, behaviour: Behaviour, dt: int | float | None) -> BoundSchedule:
         """The expected run of the behaviour.
@@ -69,11 +77,17 @@ class Schedule(RewardForm):
                 "the form 'schedule' measures how long a phase lasts, so dt is needed: the time between two "
                 "steps in seconds"
             )
+        for name in self.durations:
+            if name not in behaviour.phase_names:
+                hint = suggestion(name, behaviour.phase_names)
+                raise ParameterError(f"durations: behaviour {behaviour.name!r} has no phase {name!r}; {hint}")
         bound = BoundSchedule(self, behaviour, dt)
         endless = [
-            phase.name
-            for phase, on_cycle in zip(behaviour.phases, bound.on_cycle, strict=False)
-            if on_cycle and not math.isfinite((phase.dwell or Dwell()).at_most)
+            name
+            for name, on_cycle, longest in zip(
+                behaviour.phase_names, bound.on_cycle, bound.durations, strict=False
+            )
+            if on_cycle and not math.isfinite(longest)
         ]
         if endless:
             raise ParameterError(
@@ -84,8 +98,13 @@ class Schedule(RewardForm):
         return bound
 
     def paid_by(self, behaviour: Behaviour) -> Mapping[str, object]:
-        """φ, and the edges in their order."""
-        return {"schedule": repr(self.skip_fine + 0.0), "edges": pairs(behaviour, behaviour.edges)}
+        """φ, who leads, the durations, and the edges in their order."""
+        return {
+            "schedule": repr(self.skip_fine + 0.0),
+            "robot_leads": self.robot_leads,
+            "durations": [repr(float(self.durations.get(name, 0.0))) for name in behaviour.phase_names],
+            "edges": pairs(behaviour, behaviour.edges),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +133,7 @@ class BoundSchedule(BoundForm):
 
         time = c + step.elapsed
         begins = (e == none) & beside(self.first_phases, q)[q]
-        robot_leads = beside(self._edges, q)[e, q] & (time >= at_least - tolerance)
+        robot_leads = beside(self._leads, q)[e, q] & (time >= at_least - tolerance)
         schedule_leads = ~robot_leads & (time >= at_most - tolerance)
         charged = robot_leads & ~visited & (at_most < math.inf) & (at_most > time)
         left = where(charged, at_most - time, zero)
@@ -136,7 +155,7 @@ class BoundSchedule(BoundForm):
     def table(self) -> Int8[np.ndarray, "expected location"]:
         """±1 by the phase that was expected, the last row if none was, and the location; times apart."""
         none = len(self.behaviour.phases)
-        paid = self._edges | np.eye(none + 1, dtype=bool)
+        paid = self._leads | np.eye(none + 1, dtype=bool)
         paid[none] = self.first_phases[: none + 1]
         return np.where(paid, 1, -1).astype(np.int8)
 
@@ -169,6 +188,11 @@ class BoundSchedule(BoundForm):
         return edges
 
     @cached_property
+    def _leads(self) -> Bool[np.ndarray, "expected location"]:
+        """Whether a robot that enters a location takes the expected run along."""
+        return self._edges & self.form.robot_leads
+
+    @cached_property
     def on_cycle(self) -> Bool[np.ndarray, " expected"]:
         """Whether edges lead from a phase back to itself."""
         reached = self._edges.copy()
@@ -195,10 +219,17 @@ class BoundSchedule(BoundForm):
         return np.array([(phase.dwell or Dwell()).at_least for phase in self.behaviour.phases] + [0.0])
 
     @cached_property
+    def durations(self) -> tuple[float, ...]:
+        """How long each phase is expected [s] if the robot does not go on before."""
+        return tuple(
+            float(self.form.durations.get(phase.name, (phase.dwell or Dwell()).at_most))
+            for phase in self.behaviour.phases
+        )
+
+    @cached_property
     def _at_most(self) -> Float[np.ndarray, " expected"]:
         """Infinite for a goal, which has no time to be over."""
-        times = [(phase.dwell or Dwell()).at_most for phase in self.behaviour.phases]
-        return np.where(self._edges.any(1), [*times, math.inf], math.inf)
+        return np.where(self._edges.any(1), [*self.durations, math.inf], math.inf)
 
     @cached_property
     def _longest(self) -> Float[np.ndarray, " expected"]:

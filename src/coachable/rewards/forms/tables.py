@@ -98,11 +98,18 @@ class Stay(TableForm):
 
     flicker: float | None = None  # pyright: ignore[reportIncompatibleMethodOverride]
     """The longest such absence [s]; by default one step."""
+    dwells: bool | None = None
+    """Whether the phases' times are judged, as by default; `False` pays as if the description had none."""
 
     def __post_init__(self):
         if self.flicker is not None:
             real_number(self.flicker, "flicker", ParameterError, least=0.0)
             object.__setattr__(self, "flicker", plain(self.flicker))
+
+    @property
+    def judges_dwells(self) -> bool:
+        """`dwells`."""
+        return self.dwells is not False
 
 
 @dataclass(frozen=True)
@@ -125,6 +132,11 @@ class BoundTable(BoundForm):
 
     form: TableForm
 
+    @property
+    def judges_dwells(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """As the form does."""
+        return self.form.judges_dwells
+
     @cached_property
     def table(self) -> Int8[np.ndarray, "previous current"]:
         """What a move pays. The last row is that of *none yet*, before anything was seen: it pays 0."""
@@ -133,7 +145,7 @@ class BoundTable(BoundForm):
     def r_or(self, move: Move) -> Int8[Any, "*batch"]:
         """r_or(𝒪(x_t), 𝒪(x_{t−1})), eq. (r_or): ±1 by the table; a violated dwell time pays −1."""
         paid = beside(self.table, move.location)[move.previous, move.location]
-        if move.too_short is None or move.too_long is None:
+        if move.too_short is None or move.too_long is None or not self.judges_dwells:
             return paid
         return array_library(paid).where(move.too_short | move.too_long, -1, paid)
 

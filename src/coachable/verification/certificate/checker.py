@@ -31,6 +31,7 @@ import ival
 import numpy as np
 from ival import Interval
 
+SQUASHINGS = ("clip", "tanh", "expected")  # how a network's output is kept within its bounds
 BATCH = 1000  # sub-boxes that travel side by side; nothing depends on it but speed
 
 
@@ -229,10 +230,35 @@ class Plant:
         return stack((x[1] - x[0]) / 2.0, stance, swing)
 
 
-def network(layers: Any, low: np.ndarray, high: np.ndarray, squashing: str, x: Interval, centre: Interval):
+def normal_below(z: Interval) -> Interval:
+    """Φ(z), the standard normal distribution."""
+    return ival.erfc(-z / ival.sqrt(Interval(2.0))) / 2.0
+
+
+def clipped_mean(mean: Interval, std: Interval, low: Interval, high: Interval) -> Interval:
+    """E[clip(N(mean, std²), low, high)], which rises with the mean: by its ends.
+
+    It is low + std (h(a) − h(b)), h(z) = z Φ(z) + φ(z), a = (mean − low) / std, b = (mean − high) / std.
+    """
+    peak = 1.0 / ival.sqrt(2.0 * ival.acos(Interval(-1.0)))
+
+    def excess(z: Interval) -> Interval:
+        return z * normal_below(z) + peak * ival.exp(-ival.sqr(z) / 2.0)
+
+    ends = [
+        low + std * (excess((end - low) / std) - excess((end - high) / std))
+        for end in (point(mean.lo), point(mean.hi))
+    ]
+    return pair(ends[0].lo, ends[1].hi)
+
+
+def network(
+    layers: Any, low: np.ndarray, high: np.ndarray, std: Any, squashing: str, x: Interval, centre: Interval
+):
     """τ = (u₁ + u₂, −u₂), u = squash(W_n tanh(… tanh(W_1 x + b_1) …) + b_n), as of `Loop.controller`.
 
-    Where u may be at a bound in a part of x, its slope is anything between 0 and the network's.
+    Where a clipped u may be at a bound in a part of x, its slope is anything between 0 and the network's.
+    `expected` is the mean of what is clipped, of a normal distribution about the network's output.
     """
     over, slopes = output(layers, x)
     there, _ = output(layers, centre)
@@ -241,6 +267,10 @@ def network(layers: Any, low: np.ndarray, high: np.ndarray, squashing: str, x: I
         inside, beyond = (over.lo >= low) & (over.hi <= high), (over.hi <= low) | (over.lo >= high)
         factor = pair(np.where(inside & ~beyond, 1.0, 0.0), np.where(beyond, 0.0, 1.0))
         u, u_there = (pair(*np.clip((v.lo, v.hi), low, high)) for v in (over, there))
+    elif squashing == "expected":
+        sigma, least, greatest = point(std), point(low), point(high)
+        factor = normal_below((over - least) / sigma) - normal_below((over - greatest) / sigma)
+        u, u_there = (clipped_mean(v, sigma, least, greatest) for v in (over, there))
     else:
         half = (point(high) - point(low)) / 2.0
         factor = half * (1.0 - ival.sqr(ival.tanh(over)))
@@ -480,16 +510,20 @@ def read(data: Mapping[str, Any]) -> tuple[Loop, Box, int, tuple[int, ...], str]
             require(decimal(slope, -1.57).hi < 1.57, "a slope should be below 1.57 rad", ValueError)
             pull, described = ival.tan(decimal(slope, -1.57)), f"virtual gravity of slope {slope} rad"
             controller = partial(plant.virtual_gravity, pull) if hold else lambda x, centre: (None, None)
-        elif kind == "network" and given.get("squashing") in ("clip", "tanh") and given.get("hold"):
+        elif kind == "network" and given.get("squashing") in SQUASHINGS and given.get("hold"):
             names = ("hold", "squashing", "low", "high", "weights", "biases")
+            sigma = [given.pop("std")] if given["squashing"] == "expected" else []
             hold, squashing, *bounds, weights, biases = values(given, *names)
             sizes = itertools.pairwise([4, *(len(bias) for bias in biases[:-1]), 2])
             layers = zip(weights, biases, sizes, strict=True)
             layers = tuple((floats(W, n, k), floats(bias, n, 1)) for W, bias, (k, n) in layers)
             low, high = (floats(bound, 2, 1) for bound in bounds)
             require(low <= high, "a torque's low should not be above its high", ValueError)
-            controller = partial(network, layers, low, high, squashing)
+            std = [floats(each, 2, 1) for each in sigma]
+            require([each > 0 for each in std], "std should be above 0", ValueError)
+            controller = partial(network, layers, low, high, *(std or [None]), squashing)
             described = f"this tanh network, its output in {bounds[0]} to {bounds[1]} ({squashing})"
+            described += f", of normal torques of std {sigma[0]} about it" if std else ""
         else:
             raise ValueError("the controller should be virtual gravity, or a network that is held")
         require(hold in (None, length), "a time step should be as long as a torque is held", ValueError)

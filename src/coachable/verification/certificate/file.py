@@ -72,9 +72,12 @@ def controller_data(loop: ClosedLoop) -> dict[str, Any]:
         return {
             "kind": "network",
             "hold": hold,
-            "squashing": controller.squashing,
+            "squashing": "expected"
+            if controller.deterministic == "expected-action"
+            else controller.squashing,
             "low": _floats(controller.low),
             "high": _floats(controller.high),
+            **({} if controller.deterministic == "clipped-mean" else {"std": _floats(controller.std)}),
             "weights": [_floats(weight) for weight in controller.weights],
             "biases": [_floats(bias) for bias in controller.biases],
         }
@@ -101,6 +104,8 @@ def _require_plain(policy: Policy) -> None:
         policy.low,
         policy.high,
         squashing=policy.squashing,
+        std=policy.std,
+        deterministic=policy.deterministic,
         observation_names=STATE_NAMES if policy.observation_names else (),
         clock=policy.clock,
         bound=policy.bound,

@@ -37,6 +37,9 @@ def python_script(model: Model) -> str:
         low=None if policy is None else _numbers(np.asarray(policy.low)),
         high=None if policy is None else _numbers(np.asarray(policy.high)),
         squashing=None if policy is None else policy.squashing,
+        std=None
+        if policy is None or policy.clips or policy.std is None
+        else _numbers(np.asarray(policy.std)),
         phases=[(repr(phase.name), python_text(phase.predicate)) for phase in model.behaviour.phases],
         restarts=model.clock == "touchdown",
         start=list(equations.start.values()),

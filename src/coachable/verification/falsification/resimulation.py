@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from scipy.special import ndtr
 
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
@@ -121,16 +122,24 @@ def _numpy_policy(policy: Policy) -> Callable[[State], Control]:
     weights = [np.asarray(weight, np.float64) for weight in policy.weights]
     biases = [np.asarray(bias, np.float64) for bias in policy.biases]
     low, high = np.asarray(policy.low, np.float64), np.asarray(policy.high, np.float64)
+    std = None if policy.std is None else np.asarray(policy.std, np.float64)
 
     def control(x: State) -> Control:
         for weight, bias in zip(weights[:-1], biases[:-1], strict=True):
             x = np.tanh(weight @ x + bias)
         out = weights[-1] @ x + biases[-1]
+        if policy.deterministic == "expected-action" and std is not None:
+            return low + std * (_mean_excess((out - low) / std) - _mean_excess((out - high) / std))
         if policy.squashing == "clip":
             return np.clip(out, low, high)
         return low + (high - low) * (np.tanh(out) + 1) / 2
 
     return control
+
+
+def _mean_excess(z: Control) -> Control:
+    """E[max(Z + z, 0)] of a standard normal Z: z Φ(z) + φ(z)."""
+    return z * ndtr(z) + np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi)
 
 
 def _until_event(

@@ -151,7 +151,7 @@ def _kinks(loop: ClosedLoop, orbit: Orbit, walk: SampledWalk) -> _Kinks:
     held = np.diff(np.concatenate([[0.0], touchdowns]))
     rest = np.mod(held, loop.control_dt)
     sample_margin = float(np.min(np.minimum(rest, loop.control_dt - rest)))
-    if not (isinstance(loop.controller, Policy) and loop.controller.squashing == "clip"):
+    if not (isinstance(loop.controller, Policy) and loop.controller.clips):
         return int(taken.sum()), none_clipped, None, sample_margin
     wanted = np.asarray(jax.vmap(without_bounds(loop.controller))(jnp.asarray(walk.x[taken])))
     low, high = np.asarray(loop.controller.low), np.asarray(loop.controller.high)

@@ -8,8 +8,10 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.baselines import controller_of
 from coachable.envs.problem import PlantProblem
+from coachable.envs.squashing import Deterministic
 from coachable.experiments.experiment import Lane, Which
 from coachable.experiments.run_folder.reader import Run
+from coachable.foundation.errors import ParameterError
 from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
 from coachable.plants.plant import Controller, Plant
 from coachable.plants.sampled import Clock
@@ -56,16 +58,28 @@ class EpisodeSubject:
         return EpisodeLoop.of(self.run, self.lane.setup, self.lane.seed, self.which)
 
 
-def lane_subject(run: Run, setup: str, seed: int, which: Which = "last") -> Subject | EpisodeSubject:
+def lane_subject(
+    run: Run, setup: str, seed: int, which: Which = "last", deterministic: Deterministic | None = None
+) -> Subject | EpisodeSubject:
     """A lane of a run.
 
-    **Raises:** `RunFolderError` if the run has no such lane, or its policy is missing or damaged.
+    **Arguments:** `deterministic`, what the policy does when it does not explore, by default as it was kept.
+
+    **Raises:** `RunFolderError` if the run has no such lane, or its policy is missing or damaged;
+    `ParameterError` for a policy of a plant that observes more than the plant's state.
     """
     problem, lane = run.experiment.problem, run.lane(setup, seed)
-    policy = run.policy(setup, seed, which)
+    policy = run.policy(setup, seed, which, deterministic)
     plant = problem if isinstance(problem, PlantProblem) else None
+    if plant is not None and policy.memory:
+        raise ParameterError(
+            f"{lane.name} observes its expected phase, too: it is a controller with a memory, and a passport "
+            "is about state feedback. Verify a lane whose setup has observe = 'nothing' or 'value-only'"
+        )
+    kept = deterministic in (None, run.experiment.deterministic[0])
+    other_rule = [] if kept else [policy.deterministic]
     walker = Walker(
-        name=lane.name if which == "last" else f"{lane.name}-{which}",
+        name="-".join([lane.name, *([which] if which != "last" else []), *other_rule]),
         setup=setup,
         seed=seed,
         which=which,
@@ -73,6 +87,7 @@ def lane_subject(run: Run, setup: str, seed: int, which: Which = "last") -> Subj
         semantics=None if plant is None else plant.semantics,
         clock="touchdown" if policy.clock == "touchdown" else "free",
         environment=problem.robot if plant is None else None,
+        deterministic=policy.deterministic,
     )
     if plant is None:
         return EpisodeSubject(walker, run, lane, which)

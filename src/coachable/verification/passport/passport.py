@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from coachable.envs.squashing import Deterministic
 from coachable.foundation.data import json_text, parse_json, structure, unstructure
 from coachable.foundation.errors import RunFolderError
 from coachable.foundation.files import read_text, write_atomic
@@ -40,6 +41,8 @@ class Walker:
     """Its own clock, with which a policy was trained."""
     environment: str | None = None
     """The id of its Gymnasium environment; `None` for a plant."""
+    deterministic: Deterministic = "clipped-mean"
+    """What a policy does when it does not explore."""
 
     @property
     def no_section(self) -> str | None:

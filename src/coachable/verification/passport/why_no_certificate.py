@@ -90,7 +90,7 @@ def _gaits_near(loops: ClosedLoop, walks: Sequence[SampledWalk]) -> list[FixedPo
 
 def _clipping(loop: ClosedLoop, walk: SampledWalk) -> list[str]:
     """How much of the walk's end a clipped policy spends at its bounds, where it feeds nothing back."""
-    if not (isinstance(loop.controller, Policy) and loop.controller.squashing == "clip"):
+    if not (isinstance(loop.controller, Policy) and loop.controller.clips):
         return []
     states = walk.x[:-1][walk.time[:-1] > walk.seconds - _LAST_SECONDS]
     wanted = np.asarray(jax.vmap(without_bounds(loop.controller))(jnp.asarray(states)))
