@@ -3,6 +3,7 @@ import pytest
 
 from coachable.analysis import claims, significance
 from coachable.analysis.claims import Verdict, decide
+from coachable.analysis.headlines import headline
 from coachable.analysis.intervals import Estimate
 from coachable.analysis.measurements import measure_tables
 from coachable.analysis.significance import holm
@@ -132,3 +133,37 @@ def test_the_order_of_the_seeds_does_not_matter(measured):
     order = rng.permutation(RUNS)
     shuffled = {name: {key: value[order] for key, value in given.items()} for name, given in runs.items()}
     assert decide(measured(**runs)) == decide(measured(**shuffled))
+
+
+def described(rng, subjects=("description-alone", "schedule"), ahead=True):
+    """A study of the description and its rivals; the subjects are plainly ahead of all, or behind."""
+
+    def runs(far):
+        return {
+            "highest": rng.normal(9, 0.3, RUNS),
+            "final": rng.normal(11 if far else 8, 0.1 if far else 1.0, RUNS),
+            "passes_at": (100_000 if far else 250_000) + rng.integers(-2, 3, RUNS) * 10_000,
+            "seconds_up": np.where(rng.random(RUNS) < (1.0 if far else 0.3), 100.0, 50.0),
+            "perturbed_up": np.clip((0.95 if far else 0.4) + rng.normal(0, 0.02, RUNS), 0, 1),
+        }
+
+    names = ("description-alone", "schedule", *claims.OTHERS)
+    return {name: runs((name in subjects) == ahead) for name in names}
+
+
+def test_a_study_of_a_description_is_asked_what_is_said_of_descriptions(measured):
+    found = verdicts(measured(**described(np.random.default_rng(8))))
+    assert found == dict.fromkeys(("S1", "S2", "S3", "S4", "S5", "S6"), Verdict.HOLDS)
+    behind = verdicts(measured(**described(np.random.default_rng(9), ahead=False)))
+    assert set(behind.values()) == {Verdict.REVERSED}
+
+
+def test_with_the_distance_term_is_a_claim_of_its_own(measured):
+    runs = described(np.random.default_rng(10), subjects=("description-alone",))
+    found = verdicts(measured(**runs))
+    assert [found[f"S{k}"] for k in range(1, 6)] == [Verdict.HOLDS] * 5
+    assert found["S6"] != Verdict.HOLDS
+    (s6,) = (claim for claim in decide(measured(**runs)) if claim.name == "S6")
+    assert len(s6.comparisons) == 5 * len(claims.OTHERS)
+    (sentence,) = (headline(claim).sentence for claim in decide(measured(**runs)) if claim.name == "S1")
+    assert "the paper" not in sentence

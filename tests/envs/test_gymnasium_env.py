@@ -334,3 +334,31 @@ def test_mistakes_are_named():
             PlantEnv(start_noise=noise)
     with pytest.raises(ParameterError, match="render_mode"):
         PlantEnv(render_mode="rgb")
+
+
+SEEING = RewardSetup(
+    "seeing",
+    orthant=0.1,
+    observe="memory",
+    time_limit="truncates",
+    reward_variant={"form": "schedule", "skip_fine": 1.0},
+)
+
+
+def test_what_the_setup_lets_be_observed_is_in_the_observation():
+    env = short(SEEING, behaviour="compass-walking-timed")
+    told = run(env, [WALKING] * 300)
+    size = 4 + len(env.task.memory_names)
+    observations = np.stack([observation for observation, *_ in told])
+    assert observations.shape == (151, size)
+    assert all(env.observation_space.contains(each) for each in observations)
+    assert np.ptp(observations[:, 4:], axis=0).min() > 0.9
+    assert told[-1][2:4] == (False, True)
+    env = short(SEEING, behaviour="compass-walking-timed", render_mode="rgb_array")
+    env.reset()
+    assert env.render().shape == (*SIZE[::-1], 3)
+
+
+def test_an_environment_shows_nobody_but_the_policy():
+    with pytest.raises(ParameterError, match="value-only"):
+        PlantEnv(RewardSetup("hidden", observe="value-only"))

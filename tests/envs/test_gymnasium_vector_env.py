@@ -11,9 +11,15 @@ from coachable.drawing.stage import SIZE
 from coachable.envs.gymnasium_env import PlantEnv
 from coachable.envs.gymnasium_vector_env import PlantVectorEnv
 from coachable.foundation.errors import ParameterError
+from coachable.rewards.setup import RewardSetup
 
 NUM = 5
 OPTIONS = {"seconds": 1.2, "start_noise": (0.05, 0.05, 0.3, 0.3)}
+CODE = {"truncate": True, "semantics": "released-code"}
+SEEING = {
+    "setup": RewardSetup("seeing", orthant=0.1, observe="memory", reward_variant={"form": "schedule"}),
+    "behaviour": "compass-walking-timed",
+}
 each_mode = pytest.mark.parametrize("mode", list(AutoresetMode))
 
 
@@ -62,7 +68,7 @@ def assert_same(one, other):
 
 
 @each_mode
-@pytest.mark.parametrize("options", [{}, {"truncate": True, "semantics": "released-code"}], ids=["", "code"])
+@pytest.mark.parametrize("options", [{}, CODE, SEEING], ids=["", "code", "seeing"])
 def test_it_is_gymnasiums_loop_over_single_environments(mode, options):
     ours, loop = native(mode, **options), theirs(mode, **options)
     assert_same(ours.reset(seed=7), loop.reset(seed=7))

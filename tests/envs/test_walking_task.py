@@ -397,3 +397,62 @@ def test_legs_that_fall_backward_together_fall_as_in_the_released_code():
             ended.append(count)
             state = task.reset(state)
     assert ended == [181, 362]
+
+
+TIMED = load_behaviour("compass-walking-timed")
+
+
+def walked(task, num_steps):
+    """Under the constant torque that walks."""
+
+    def one(state, _):
+        observation = task.observation(state)
+        state, timestep = task.step(state, jnp.array([-1.35, -0.18]))
+        return state, (observation, timestep)
+
+    return jax.jit(lambda: jax.lax.scan(one, task.init(), length=num_steps))()[1]
+
+
+def test_what_is_observed_of_the_memory_is_what_the_form_shows_of_it():
+    form = {"form": "schedule", "skip_fine": 1.0}
+    setup = RewardSetup("seeing", orthant=0.1, reward_variant=form, observe="memory")
+    task = make_task(setup, behaviour=TIMED, seconds=2.0)
+    blind = make_task(dataclasses.replace(setup, observe="nothing"), behaviour=TIMED, seconds=2.0)
+    names = DescribedReward(TIMED, Schedule(1.0), 0.01).observation_names
+    assert (task.observation_size, task.num_seen, task.memory_names) == (4 + len(names),) * 2 + (names,)
+    observations, timesteps = walked(task, 120)
+    _, unseen = walked(blind, 120)
+    np.testing.assert_array_equal(timesteps.observation[:, :4], unseen.observation)
+    np.testing.assert_array_equal(timesteps.reward, unseen.reward)
+    np.testing.assert_array_equal(observations[1:], timesteps.observation[:-1])
+    reward = DescribedReward(TIMED, Schedule(1.0), 0.01)
+    states = np.concatenate([np.array([START]), unseen.observation])
+    memory = reward.init(states[0])
+    for x, seen in zip(states[1:], np.asarray(timesteps.observation), strict=True):
+        memory, _, _ = reward.step(memory, x)
+        np.testing.assert_allclose(seen[4:], reward.observe(memory, x), atol=1e-9)
+    assert np.ptp(timesteps.observation[:, 4:], axis=0).min() > 0.9
+    hidden = make_task(dataclasses.replace(setup, observe="value-only"), behaviour=TIMED, seconds=2.0)
+    assert (hidden.observation_size, hidden.num_seen) == (task.observation_size, 4)
+
+
+@pytest.mark.parametrize("clock", ["free", "touchdown"])
+def test_the_time_truncates_where_the_setup_says_so_and_a_fall_terminates(clock):
+    setup = dataclasses.replace(SETUP, time_limit="truncates")
+    task, as_paper = (make_task(one, clock=clock, seconds=1.0) for one in (setup, SETUP))
+    _, cut = walked(task, 140)
+    _, ended = walked(as_paper, 140)
+    assert not ended.truncated.any()
+    last = int(np.argmax(ended.terminated))
+    assert (np.argmax(cut.truncated), cut.terminated.any()) == (last, False)
+    np.testing.assert_array_equal(cut.terms[: last + 1], ended.terms[: last + 1])  # the distance is paid
+    assert cut.terms[last, TERM_NAMES.index("distance")] == pytest.approx(float(cut.hip_x[last]))
+    fallen = eqx.tree_at(lambda s: s.walk.x, task.init(), jnp.array([1.5, 1.5, 9.0, 9.0]))
+    _, timestep = step(task, fallen, jnp.zeros(2))
+    assert (bool(timestep.terminated), bool(timestep.truncated)) == (True, False)
+
+
+def test_a_setup_s_own_form_wins():
+    setup = dataclasses.replace(SETUP, reward_variant="equation")
+    assert make_task(setup, reward_variant="stay").behaviour_reward.form == Equation()
+    assert make_task(SETUP, reward_variant="equation").behaviour_reward.form == Equation()

@@ -1,5 +1,8 @@
 """A plan survives being written, says what is wrong with it, and knows what its semantics imply."""
 
+import dataclasses
+from itertools import accumulate
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +12,7 @@ from coachable.behaviours import load_behaviour
 from coachable.behaviours.text.printer import to_text
 from coachable.envs.problem import EnvironmentProblem, PlantProblem
 from coachable.experiments.experiment import Experiment, differences
+from coachable.experiments.layout import batch_sizes
 from coachable.experiments.plan import (
     load_plan,
     modules_named,
@@ -23,7 +27,8 @@ from coachable.experiments.trainers.stable_baselines3 import StableBaselines3
 from coachable.foundation.errors import BehaviourError, ParameterError, PlanError
 from coachable.learning.config import PPOConfig
 from coachable.plants.compass import CompassParameters, CompassWalker
-from coachable.rewards.setup import PAPER_SETUPS, DescribedSetup, RewardSetup
+from coachable.rewards.forms import Schedule, Stay
+from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, DescribedSetup, RewardSetup
 
 WALKING = load_behaviour("compass-walking")
 
@@ -93,7 +98,7 @@ def test_differences_name_the_key_and_both_values():
 
 
 def test_the_plans_that_ship_are_the_papers():
-    assert shipped_plans() == ["certifiable", "demo", "paper", "paper-100"]
+    assert shipped_plans() == ["beyond-paper", "certifiable", "demo", "paper", "paper-100"]
     paper, hundred = load_plan("paper"), load_plan("paper-100")
     assert paper == Experiment(
         name="paper",
@@ -417,3 +422,62 @@ def test_modules_are_found_wherever_a_plan_names_them():
     }
     assert modules_named(data) == ("mymodule", "sensors", "forms")
     assert modules_named({"env": "coachable.envs:coachable/CompassWalker-v0"}) == ()
+
+
+ARMS = """
+name = "arms"
+behaviour = "compass-walking-timed"
+deterministic = ["expected-action", "clipped-mean"]
+[setups.orthant]
+reward_variant = { form = "stay", dwells = false }
+[setups.seeing]
+orthant = 0.1
+observe = "memory"
+time_limit = "truncates"
+reward_variant = { form = "schedule", skip_fine = 1.0 }
+[setups.plain]
+"""
+
+
+def test_setups_of_a_plant_may_differ_in_more_than_weights():
+    plan = parse_plan(ARMS, "arms.toml")
+    assert parse_plan(plan.to_toml(), "plan.toml") == plan
+    assert plan.deterministic == ("expected-action", "clipped-mean")
+    _, seeing, plain = plan.reward_setups
+    assert (seeing.observe, seeing.time_limit) == ("memory", "truncates")
+    assert set(plan.to_data()["setups"]["plain"]) == set(TERM_NAMES)
+    problem = plan.problem
+    assert problem.form_of(seeing) == Schedule(1.0)
+    assert problem.form_of(plain) == Stay()
+    assert len({problem.program_of(setup) for setup in plan.reward_setups}) == 3
+    again = problem.program_of(dataclasses.replace(plain, name="again", forward=0.5))
+    assert again == problem.program_of(plain)
+
+
+def test_batches_hold_lanes_of_one_program():
+    plan = parse_plan(ARMS, "arms.toml", seeds=5)
+    sizes = plan.trainer.batch_sizes(plan, 2)
+    ends = [*accumulate(sizes)]
+    assert ends[-1] == len(plan.lanes) == 15
+    assert {5, 10} <= set(ends)
+    assert load_plan("paper").trainer.batch_sizes(load_plan("paper"), 2) == batch_sizes(60, 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('deterministic = "expected-actoin"', "did you mean 'expected-action'"),
+        ('deterministic = ["clipped-mean", "clipped-mean"]', "each rule once"),
+        ("deterministic = []", "each rule once"),
+        ('deterministic = "expected-action"\n[ppo]\nsquashing = "tanh"', "no closed form"),
+        ('trainer = "sb3-ppo"\ndeterministic = ["clipped-mean", "expected-action"]', "evaluates by one rule"),
+        ('trainer = "sb3-ppo"\n[setups.a]\nobserve = "value-only"', "needs trainer = 'ppo'"),
+        ('[setups.a]\nobserve = "memry"', "observe must be one of 'nothing', 'memory', 'value-only'"),
+        ('[setups.a]\ntime_limit = "truncate"', "time_limit must be one of"),
+        ('[setups.a]\nreward_variant = { form = "schedul" }', "did you mean 'schedule'"),
+        ('[setups.a]\nreward_variant = { form = "schedule", skip_fine = 2.0 }', "skip_fine"),
+    ],
+)
+def test_what_setups_and_rules_cannot_be_is_refused_by_name(text, said):
+    with pytest.raises(PlanError, match=said):
+        parse_plan('name = "mine"\n' + text, "mine.toml")

@@ -15,7 +15,7 @@ from coachable.learning.policy import Policy
 onnxruntime = pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'coachable[dev]'")
 
 
-def some_policy(activation, squashing, scaled):
+def some_policy(activation, squashing, scaled, **acting):
     rng = np.random.default_rng(3)
     sizes = [5, 16, 8, 3]
     arrays = [(rng.normal(size=(n, m)), rng.normal(size=n)) for m, n in pairwise(sizes)]
@@ -30,6 +30,7 @@ def some_policy(activation, squashing, scaled):
         squashing=squashing,
         observation_names=("a", "b", "c", "d", "e"),
         bound=2.0,
+        **acting,
     )
 
 
@@ -45,6 +46,16 @@ def test_onnxruntime_gives_the_policys_actions(activation, squashing, scaled):
     assert (np.ptp(actions, axis=0) > 0.1).all()
     described = json.loads(session.get_modelmeta().custom_metadata_map["description"])
     assert described == json.loads(json.dumps(policy.description()))
+
+
+def test_onnxruntime_gives_the_expected_action():
+    policy = some_policy("tanh", "clip", True, std=jnp.array([0.6, 0.9, 0.05]))
+    observations = np.random.default_rng(0).normal(size=(200, 5)).astype(np.float32) * 2
+    acting = policy.acting("expected-action")
+    session = onnxruntime.InferenceSession(onnx_bytes(acting))
+    (actions,) = session.run(None, {"observation": observations})
+    np.testing.assert_allclose(actions, jax.vmap(acting)(observations), atol=1e-5)
+    assert np.abs(actions - jax.vmap(policy)(observations)).max() > 0.1
 
 
 def test_without_the_package_it_says_which_extra_is_missing(monkeypatch):

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -10,9 +11,10 @@ import pytest
 from safetensors.numpy import save
 
 from coachable.analysis.table import diverged_lanes
+from coachable.envs.squashing import expected_action
 from coachable.experiments.plan import load_plan
 from coachable.experiments.run_folder.reader import Run
-from coachable.foundation.errors import RunFolderError
+from coachable.foundation.errors import ParameterError, RunFolderError
 from coachable.learning.networks import initial_networks
 from coachable.learning.policy import Policy
 
@@ -107,3 +109,42 @@ def test_a_lane_whose_weights_are_not_finite_is_named(tmp_path):
     assert [lane.name for lane in run.diverged()] == ["sparse-1"]
     (sentence,) = diverged_lanes(run)
     assert "sparse-1 diverged" in sentence
+
+
+def exploring(std=(0.6, 0.9), **changes):
+    return replace(some_policy(scale=3.0), std=jnp.asarray(std), **changes)
+
+
+def test_what_it_does_without_exploring_is_a_rule_of_its_own():
+    clipped = exploring()
+    expected = clipped.acting("expected-action")
+    for x in 3 * jax.random.normal(jax.random.key(3), (10, 4)):
+        wide = replace(clipped, low=jnp.full(2, -1e9), high=jnp.full(2, 1e9))
+        np.testing.assert_allclose(expected(x), expected_action(wide(x), clipped.std, LOW, HIGH), atol=1e-5)
+        assert not np.allclose(expected(x), clipped(x), atol=1e-3)
+        np.testing.assert_array_equal(expected.acting("clipped-mean")(x), clipped(x))
+    again = Policy.of(expected.tensors(), json.loads(json.dumps(expected.description())))
+    assert again.deterministic == "expected-action"
+    np.testing.assert_array_equal(again.std, expected.std)
+
+
+def test_a_policy_from_before_there_were_rules_acts_by_its_mean():
+    policy = some_policy()
+    description = {key: value for key, value in policy.description().items() if key != "deterministic"}
+    assert Policy.of(policy.tensors(), description).deterministic == "clipped-mean"
+
+
+def test_where_the_mean_action_has_no_closed_form_it_says_so():
+    for policy, said in (
+        (some_policy("tanh"), "squashed by tanh has no closed form"),
+        (some_policy(), "lacks the σ"),
+    ):
+        with pytest.raises(ParameterError, match=said):
+            policy.acting("expected-action")
+    with pytest.raises(ParameterError, match="did you mean 'expected-action'"):
+        exploring().acting("expected-actoin")
+    for std in (np.array([0.5, 0.0]), np.array([0.5, -1.0])):
+        with pytest.raises(RunFolderError, match="std must be one number above 0"):
+            Policy.of(some_policy().tensors() | {"std": std}, some_policy().description())
+    with pytest.raises(RunFolderError, match="only with its std"):
+        Policy.of(some_policy().tensors(), some_policy().description() | {"deterministic": "expected-action"})

@@ -8,10 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from coachable.behaviours.library import load_behaviour
 from coachable.envs.walking_task import make_task
 from coachable.learning import ppo
 from coachable.learning.config import PPOConfig
-from coachable.rewards.setup import PAPER_SETUPS
+from coachable.rewards.setup import PAPER_SETUPS, RewardSetup
 
 CONFIG = PPOConfig(n_steps=256, batch_size=64, n_epochs=2)
 SETUPS = ("sparse", "forward", "orthant", "forward+orthant")
@@ -96,3 +97,24 @@ def test_the_gradient_norm_is_clipped_globally():
     gradient = jnp.array([30.0, 0.0, 40.0])
     _, adam = ppo.adam_step(zeros, ppo.Adam(zeros, zeros, jnp.zeros(())), gradient, config)
     np.testing.assert_allclose(adam.first_moment, 0.1 * gradient * 0.5 / 50.0, rtol=1e-5)
+
+
+def test_a_value_network_that_sees_more_leaves_the_policy_as_blind_as_it_was():
+    """The policy is a function of what it sees, before and after learning; the value is one of all."""
+    form = {"form": "schedule", "skip_fine": 1.0}
+    setup = RewardSetup("value-only", orthant=0.1, reward_variant=form, observe="value-only")
+    task = make_task(setup, behaviour=load_behaviour("compass-walking-timed"))
+    first = ppo.init(jax.random.key(4), task, CONFIG)
+    state, _, _ = eqx.filter_jit(ppo.update)(task, CONFIG, first)
+    observation = task.observation(state.task_state)
+    other = observation.at[4:].add(1.0)
+    for networks in (first.networks, state.networks):
+        (means, values), (others, other_values) = networks(observation[:, None]), networks(other[:, None])
+        np.testing.assert_array_equal(means, others)
+        assert not np.allclose(values, other_values, atol=1e-6)
+        np.testing.assert_allclose(networks.actor()(observation), means[:, 0], atol=1e-6)
+        np.testing.assert_allclose(networks.means(observation[:, None]), means, atol=1e-6)
+        assert networks.policy_layers[0][0].shape[1] == 4
+    hidden = state.networks.first_weight[: CONFIG.hidden_sizes[0], 4:]
+    assert not hidden.any()
+    assert not np.allclose(state.networks.first_weight, first.networks.first_weight)

@@ -5,8 +5,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
 
-from coachable.envs.squashing import SQUASHINGS
+from coachable.envs.squashing import SQUASHINGS, expected_action
 from coachable.envs.walking_task import make_task
 from coachable.learning import ppo
 from coachable.learning.config import PPOConfig
@@ -53,3 +55,38 @@ def test_the_ratio_is_one_before_the_first_step_of_learning():
     standardised = (rollout.actions.T - means) / jnp.exp(state.networks.log_std)[:, None]
     log_probabilities = ppo.gaussian_log_probability(standardised, state.networks.log_std)
     np.testing.assert_allclose(log_probabilities, rollout.log_probabilities, atol=1e-4)
+
+
+BOXES = ((-2.0, 0.0), (-0.5, 0.5), (3.0, 3.1))
+
+
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize(("low", "high"), BOXES)
+def test_the_expected_action_is_the_mean_of_what_is_applied(low, high):
+    """Against SciPy's quadrature of the clipped action under the normal density."""
+    for mean in (-9.0, -2.0, -0.7, 0.1, 3.05, 8.0):
+        for std in (0.05, 0.6, 2.0):
+            ours = float(expected_action(jnp.array(mean), jnp.array(std), jnp.array(low), jnp.array(high)))
+            inside, _ = quad(
+                lambda a, m=mean, s=std: a * norm.pdf(a, m, s), low, high, epsabs=1e-13, limit=200
+            )
+            theirs = low * norm.cdf(low, mean, std) + high * norm.sf(high, mean, std) + inside
+            assert ours == pytest.approx(theirs, abs=1e-9)
+
+
+def test_the_expected_action_is_the_clipped_mean_where_nothing_is_explored():
+    means = jnp.linspace(-5, 5, 1001)
+    std, low, high = (jnp.full_like(means, number) for number in (1e-6, -2.0, 0.0))
+    np.testing.assert_allclose(expected_action(means, std, low, high), jnp.clip(means, -2, 0), atol=1e-5)
+
+
+def test_the_expected_action_is_smooth_rises_and_stays_in_the_box():
+    """Its slope is the chance that the action is not clipped: below 1, and above 0 where that can be told."""
+    std, low, high = jnp.array(0.7), jnp.array(-2.0), jnp.array(0.0)
+    means = jnp.linspace(-4, 2, 601)
+    slopes = jax.vmap(jax.grad(lambda mean: expected_action(mean, std, low, high)))(means)
+    assert ((slopes > 0) & (slopes < 1)).all()
+    chance = norm.cdf(0, means, 0.7) - norm.cdf(-2, means, 0.7)
+    np.testing.assert_allclose(slopes, chance, atol=1e-5)
+    assert float(expected_action(jnp.array(-300.0), std, low, high)) == -2.0
+    assert float(expected_action(jnp.array(300.0), std, low, high)) == 0.0

@@ -14,9 +14,10 @@ from coachable.behaviours import Dwell, load_behaviour
 from coachable.behaviours.checking.solver import smt
 from coachable.behaviours.predicates import All, Any, Not
 from coachable.foundation.errors import ParameterError
-from coachable.rewards.audit import audit, maximum_mean_cycle, possible_moves
+from coachable.rewards.audit import audit, possible_moves
 from coachable.rewards.described_reward import DescribedReward
 from coachable.rewards.forms import Schedule, Stay
+from coachable.rewards.mean_cycles import Graph, maximum_mean_cycle
 
 WALKING = load_behaviour("compass-walking")
 TIMED = load_behaviour("compass-walking-timed")
@@ -165,3 +166,42 @@ def test_the_command_shows_forms_side_by_side_and_says_what_cannot_be_paid(capsy
 def test_what_cannot_be_audited_is_refused(options, message):
     with pytest.raises(ParameterError, match=message):
         audit(TIMED, **options)
+
+
+@settings(max_examples=60)
+@given(EDGES, st.floats(0.02, 0.9), st.sampled_from([1, -1]))
+def test_the_greatest_mean_at_a_rate_is_that_of_a_linear_program(edges, rate, sign):
+    """Every third edge completes a round; runs that do so often, or seldom, enough."""
+    edges = np.array(sorted({*edges, *((node, (node + 1) % 6, -2) for node in range(6))}), int)
+    source, target, weight = edges.T
+    round_ = np.arange(len(edges)) % 3 == 0
+    graph = Graph(("A",), np.zeros((6, 1)), 1, source, target, weight.astype(float), ~round_)
+    found = graph.best_at_rate("", rate, sign)
+    balance = np.array([(source == node) * 1.0 - (target == node) for node in range(6)])
+    program = linprog(
+        -weight,
+        A_ub=sign * round_[None] * 1.0,
+        b_ub=[sign * rate],
+        A_eq=np.vstack([balance, np.ones(len(weight))]),
+        b_eq=[*np.zeros(6), 1.0],
+        bounds=(0, None),
+    )
+    if found is None:
+        assert program.status == 2
+    else:
+        assert found.mean == pytest.approx(-program.fun, abs=1e-6)
+        if found.beside is not None:
+            assert found.share + found.beside.share == pytest.approx(1)
+
+
+def test_slower_or_faster_than_it_should_is_bounded_by_either_end():
+    for form in ("stay", "equation", Schedule(1.0)):
+        found = means(TIMED, form)
+        at = {e.kind: e for e in audit(TIMED, form, DT, slower=0.9, faster=0.04).exploits}
+        seldom, often = at["goes round in more than 0.9 s"], at["goes round in less than 0.04 s"]
+        assert found["never goes round"] - 1e-9 <= seldom.mean <= found["anything"] + 1e-9
+        assert often.mean <= found["anything"] + 1e-9
+    with pytest.raises(ParameterError, match="slower"):
+        audit(TIMED, "stay", slower=0.0)
+    with pytest.raises(ParameterError, match="no cycle to go round"):
+        audit(dataclasses.replace(WALKING, edges=WALKING.edges[:2], cycles=()), "stay", faster=1.0)

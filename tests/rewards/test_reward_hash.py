@@ -3,12 +3,14 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from coachable.behaviours import All, Comparison, Dwell, Edge, Not, Number, Phase, load_behaviour
 from coachable.behaviours.text.parser import parse
 from coachable.behaviours.text.printer import to_text
-from coachable.rewards.forms import Variant
+from coachable.rewards.described_reward import DescribedReward
+from coachable.rewards.forms import Stay, Variant
 from coachable.rewards.reward_hash import reward_hash
 from coachable.rewards.setup import PAPER_SETUPS, RewardSetup, Semantics
 
@@ -154,3 +156,22 @@ def test_the_hashes_of_the_runs_that_are_published_stay():
 
 def test_setups_with_equal_weights_are_paid_alike():
     assert hash_of(setup=RewardSetup("mine", orthant=0.01)) == hash_of()
+
+
+def test_a_stay_that_judges_no_times_pays_as_if_there_were_none():
+    timed, plain = load_behaviour("compass-walking-timed"), load_behaviour("compass-walking")
+    setup = PAPER_SETUPS["orthant"]
+    assert reward_hash(timed, Stay(dwells=False), "paper", setup) == reward_hash(
+        plain, "stay", "paper", setup
+    )
+    assert reward_hash(timed, Stay(), "paper", setup) != reward_hash(plain, "stay", "paper", setup)
+    camping = np.array([0.2, -0.1, -1.0, 1.0])
+    rewards = [DescribedReward(timed, Stay(dwells=judged), 0.01) for judged in (False, True)]
+    paid = []
+    for reward in rewards:
+        memory, total = reward.init(camping), 0.0
+        for _ in range(50):
+            memory, pay, _ = reward.step(memory, camping)
+            total += float(pay)
+        paid.append(total)
+    assert paid[0] == 50 > paid[1]

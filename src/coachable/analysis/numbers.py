@@ -13,11 +13,10 @@ from coachable.analysis.claims import decide
 from coachable.analysis.comparison import compared, pairs
 from coachable.analysis.measurements import Measurements, measure, measure_so_far
 from coachable.analysis.statistics import at_the_end, statistics_of
-from coachable.envs.squashing import Deterministic
 from coachable.experiments.run_folder.reader import Run
 
 
-def table_numbers(run: Run, deterministic: Deterministic | None = None) -> dict[str, Any]:
+def table_numbers(run: Run, deterministic: str | None = None) -> dict[str, Any]:
     """The numbers of `coachable table`: estimates over seeds with 95 % intervals, by setup.
 
     Of a run with a baseline they are `SetupStatistics` and the claims with their comparisons; of any other

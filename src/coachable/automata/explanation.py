@@ -42,12 +42,13 @@ def explain(
     limit: int | None = 20,
     phases: Path | None = None,
     progress: Callable[[MonitorReport], None] = lambda report: None,
+    through: Callable[[Iterable[Trace]], Iterable[Trace]] = lambda parts: parts,
 ) -> Explanation:
     """Monitor a recorded trace from its first row to its last, in constant memory except for the result.
 
     **Arguments:** `dt`, the time between rows if the file has no time column [s]; `limit`, how many
     violations to keep, `None` for all; `phases`, a CSV file to write, the phase at each moment; `progress`,
-    called every some ten thousand rows.
+    called every some ten thousand rows; `through`, what else sees the parts of the trace, and gives them on.
 
     **Raises:** `TraceError` for a file that `read_trace` refuses, or without rows, and
     if `phases` is the trace itself.
@@ -55,7 +56,7 @@ def explain(
     if phases is not None and phases.exists() and trace.exists() and phases.samefile(trace):
         raise TraceError(f"{phases}: this is the trace; give another file for the phases")
     parts = read_trace(trace, behaviour.signals, dt)
-    return explain_parts(behaviour, parts, str(trace), limit, phases, progress)
+    return explain_parts(behaviour, through(parts), str(trace), limit, phases, progress)
 
 
 def explain_parts(

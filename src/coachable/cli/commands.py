@@ -11,7 +11,7 @@ import sys
 import tyro
 
 import coachable
-from coachable.cli import descriptions, experiments, exports, results, verification, walks
+from coachable.cli import audits, descriptions, experiments, exports, results, verification, walks
 from coachable.foundation.errors import CoachableError
 from coachable.foundation.suggestion import suggestion
 
@@ -28,8 +28,8 @@ COMMANDS = {
     "check": descriptions.check,
     "format": descriptions.format,
     "draw": descriptions.draw,
-    "limits": descriptions.limits,
-    "audit": descriptions.audit,
+    "limits": audits.limits,
+    "audit": audits.audit,
     "diff": descriptions.diff,
     "explain": descriptions.explain,
     "export": exports.export,

@@ -62,7 +62,7 @@ class Policy(eqx.Module):
         if self.deterministic == "expected-action" and (self.std is None or self.squashing != "clip"):
             raise RunFolderError("a policy gives its expected action only with its std, and clipped")
 
-    def acting(self, deterministic: Deterministic) -> "Policy":
+    def acting(self, deterministic: str) -> "Policy":
         """The same policy with another rule for what it does when it does not explore.
 
         **Raises:** `ParameterError` for an unknown rule, and where the mean of the applied action has no
@@ -81,7 +81,7 @@ class Policy(eqx.Module):
                 "deterministic = 'expected-action': this policy's file lacks the σ with which it explored; "
                 "train it anew, or take clipped-mean"
             )
-        return replace(self, deterministic=deterministic)
+        return replace(self, deterministic=deterministic)  # pyright: ignore[reportArgumentType]
 
     @property
     def clips(self) -> bool:

@@ -18,41 +18,18 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order
 
 from coachable.automata.tracker import Memory, Move, Stay
 from coachable.behaviours.behaviour import Behaviour, Edge
 from coachable.behaviours.checking.regions import Regions
+from coachable.foundation.data import real_number
 from coachable.foundation.errors import ParameterError
 from coachable.rewards.described_reward import DescribedReward
 from coachable.rewards.forms import RewardForm, Step
+from coachable.rewards.mean_cycles import Exploit, Graph
 
 MOST_NODES = 1_000_000
 """A behaviour whose runs have more memories than that is refused."""
-
-
-class Run(NamedTuple):
-    """Locations by name, each with how many samples the run is there."""
-
-    stays: tuple[tuple[str, int], ...]
-
-    def __str__(self) -> str:
-        return ", ".join(f"{name} × {samples}" for name, samples in self.stays)
-
-
-@dataclass(frozen=True)
-class Exploit:
-    """The most that a kind of run earns, and a periodic run that earns it."""
-
-    kind: str
-    """Such as `never enters O2`."""
-    mean: float
-    """The greatest mean pay a sample."""
-    approach: Run
-    """The samples before the period begins."""
-    period: Run
-    """The samples that come again and again."""
 
 
 @dataclass(frozen=True)
@@ -66,17 +43,30 @@ class Audit:
     num_memories: int
 
 
-def audit(behaviour: Behaviour, form: RewardForm | str, dt: float = 0.01) -> Audit:
+def audit(
+    behaviour: Behaviour,
+    form: RewardForm | str,
+    dt: float = 0.01,
+    slower: float | None = None,
+    faster: float | None = None,
+) -> Audit:
     """The most that is paid for staying in one phase, for leaving one out, and for never going round.
 
     A run *goes round* where it visits all phases of a cycle in their order and is in the first one again, a
     glitch of one sample elsewhere aside. A robot may be anywhere at the next sample, except where two phases
     do not touch or declared derivatives forbid the way between them; see `possible_moves`.
 
-    **Arguments:** `form`, as in `DescribedReward`; `dt`, the time between two samples [s].
+    **Arguments:** `form`, as in `DescribedReward`; `dt`, the time between two samples [s]; `slower`,
+    `faster`: if given, also the most that is paid to runs that go round less or more often, on average, than
+    once in so many seconds.
 
     **Raises:** `ParameterError` as `DescribedReward`, and if runs have more than `MOST_NODES` memories.
     """
+    for name, seconds in (("slower", slower), ("faster", faster)):
+        if seconds is not None:
+            real_number(seconds, name, ParameterError, above=0.0)
+            if not behaviour.cycles:
+                raise ParameterError(f"{name}: behaviour {behaviour.name!r} has no cycle to go round")
     reward, names = DescribedReward(behaviour, form, dt), behaviour.phase_names
     moves = possible_moves(behaviour)
     anywhere = np.ones(len(moves), bool)
@@ -87,6 +77,10 @@ def audit(behaviour: Behaviour, form: RewardForm | str, dt: float = 0.01) -> Aud
     if behaviour.cycles:
         rounds = _explored(_Walker(reward, behaviour.cycles), moves)
         found.append(rounds.best("never goes round", anywhere, rounds.goes_on))
+        if slower is not None:
+            found.append(rounds.best_at_rate(f"goes round in more than {slower:g} s", dt / slower, 1))
+        if faster is not None:
+            found.append(rounds.best_at_rate(f"goes round in less than {faster:g} s", dt / faster, -1))
     found.append(graph.best("anything", anywhere))
     exploits = tuple(exploit for exploit in found if exploit is not None)
     return Audit(behaviour, reward.bound_form.form, dt, exploits, len(graph.rows))
@@ -202,59 +196,7 @@ class _Walker:
         return after, completed
 
 
-@dataclass(frozen=True, eq=False)
-class _Graph:
-    """Memories, and the samples that lead from one to another; edges are sorted by their sources."""
-
-    names: tuple[str, ...]
-    rows: Float[np.ndarray, "nodes numbers"]
-    num_first: int
-    """The first so many nodes are where runs begin."""
-    source: Int[np.ndarray, " edges"]
-    target: Int[np.ndarray, " edges"]
-    paid: Float[np.ndarray, " edges"]
-    goes_on: Bool[np.ndarray, " edges"]
-    """Whether the run does not go round with it."""
-
-    def best(
-        self,
-        kind: str,
-        places: Bool[np.ndarray, " locations"],
-        edges: Bool[np.ndarray, " edges"] | None = None,
-    ) -> Exploit | None:
-        """The most that runs earn at these locations and along these edges; `None` without such a run."""
-        size, location = len(self.rows), self.rows[:, 0].astype(int)
-        allowed = places[location[self.source]] & places[location[self.target]]
-        allowed = allowed if edges is None else allowed & edges
-        starts = np.flatnonzero(places[location[: self.num_first]])
-        pairs = [(self.source[allowed], self.target[allowed]), (np.full(len(starts), size), starts)]
-        source, target = map(np.concatenate, zip(*pairs, strict=True))
-        matrix = coo_array((np.ones(len(source), bool), (source, target)), (size + 1, size + 1)).tocsr()
-        order, before = breadth_first_order(matrix, size)
-        alive = np.zeros(size + 1, bool)
-        alive[order] = True
-        while True:
-            kept = np.flatnonzero(allowed & alive[self.source] & alive[self.target])
-            onward = np.zeros(size + 1, bool)
-            onward[self.source[kept]] = True
-            if not (alive[:size] & ~onward[:size]).any():
-                break
-            alive[:size] &= onward[:size]
-        if not len(kept):
-            return None
-        cycle = kept[maximum_mean_cycle(self.source[kept], self.target[kept], self.paid[kept])]
-        node, approach = int(self.source[cycle[0]]), []
-        while node != size:
-            approach.append(int(location[node]))
-            node = int(before[node])
-        period = location[self.target[cycle]].tolist()
-        return Exploit(kind, float(self.paid[cycle].mean()), self._run(approach[::-1]), self._run(period))
-
-    def _run(self, locations: Sequence[int]) -> Run:
-        return Run(tuple((self.names[k], len(list(samples))) for k, samples in itertools.groupby(locations)))
-
-
-def _explored(walker: _Walker, moves: Bool[np.ndarray, "previous current"]) -> _Graph:
+def _explored(walker: _Walker, moves: Bool[np.ndarray, "previous current"]) -> Graph:
     """Every memory that a run can have, breadth first."""
     rows = walker.begin(np.arange(len(moves)))
     number = {row.tobytes(): index for index, row in enumerate(rows)}
@@ -277,7 +219,7 @@ def _explored(walker: _Walker, moves: Bool[np.ndarray, "previous current"]) -> _
         kept.append(frontier)
     source, target, paid, goes_on = map(np.concatenate, zip(*edges, strict=True))
     order = np.argsort(source, kind="stable")
-    return _Graph(
+    return Graph(
         walker.names,
         np.concatenate(kept),
         len(rows),
@@ -286,68 +228,3 @@ def _explored(walker: _Walker, moves: Bool[np.ndarray, "previous current"]) -> _
         paid[order],
         goes_on[order],
     )
-
-
-def maximum_mean_cycle(
-    source: Int[np.ndarray, " edges"], target: Int[np.ndarray, " edges"], weight: Float[np.ndarray, " edges"]
-) -> Int[np.ndarray, " cycle"]:
-    """The edges of a cycle whose mean weight is the greatest, in their order.
-
-    Howard's policy iteration: every node keeps one of its edges; the mean of the cycle that this leads to,
-    and the bias on the way there, say whether another edge is better.
-
-    **Arguments:** edges sorted by `source`; every node that one leads to has edges of its own.
-    """
-    nodes, source = np.unique(source, return_inverse=True)
-    target = np.searchsorted(nodes, target)
-    begins = np.flatnonzero(np.append(True, np.diff(source) > 0))
-    chosen = _best_of_each(weight, source, begins)
-    while True:
-        mean, bias = _evaluated(target[chosen], weight[chosen])
-        gain = mean[target]
-        better = gain > mean[source] + 1e-12
-        value = np.where(np.abs(gain - mean[source]) <= 1e-12, weight - gain + bias[target], -np.inf)
-        best = _best_of_each(np.where(better.any(), gain, value), source, begins)
-        improves = better[best] if better.any() else value[best] > bias + 1e-9
-        if not improves.any():
-            break
-        chosen = np.where(improves, best, chosen)
-    node = int(mean.argmax())
-    seen: dict[int, int] = {}
-    walk = []
-    while node not in seen:
-        seen[node] = len(walk)
-        walk.append(int(chosen[node]))
-        node = int(target[chosen[node]])
-    return np.array(walk[seen[node] :])
-
-
-def _best_of_each(
-    value: Float[np.ndarray, " edges"], source: Int[np.ndarray, " edges"], begins: Int[np.ndarray, " nodes"]
-) -> Int[np.ndarray, " nodes"]:
-    """The first edge of each node that has the node's greatest value."""
-    greatest = np.maximum.reduceat(value, begins)
-    edges = np.flatnonzero(value == greatest[source])
-    return edges[np.flatnonzero(np.append(True, np.diff(source[edges]) > 0))]
-
-
-def _evaluated(
-    onward: Int[np.ndarray, " nodes"], weight: Float[np.ndarray, " nodes"]
-) -> tuple[Float[np.ndarray, " nodes"], Float[np.ndarray, " nodes"]]:
-    """The mean of the cycle that each node's chosen edges lead to, and the bias until there."""
-    size = len(onward)
-    least, far = np.arange(size), onward
-    for _ in range(size.bit_length()):  # twice as far each time
-        least, far = np.minimum(least, least[far]), far[far]
-    on_cycle = np.zeros(size, bool)
-    on_cycle[far] = True
-    root = least[far]
-    total = np.bincount(root[on_cycle], weight[on_cycle], size)
-    count = np.bincount(root[on_cycle], minlength=size)
-    mean = (total / np.maximum(count, 1))[root]
-    is_root = root == np.arange(size)
-    bias = np.where(is_root, 0.0, weight - mean)
-    far = np.where(is_root, np.arange(size), onward)
-    for _ in range(size.bit_length()):
-        bias, far = bias + np.where(far == np.arange(size), 0.0, bias[far]), far[far]
-    return mean, bias

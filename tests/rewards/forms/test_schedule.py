@@ -192,3 +192,53 @@ def test_the_order_of_edges_and_the_fine_are_part_of_what_is_paid():
     assert hash_of_paid(one, Schedule()) != hash_of_paid(one, Schedule(1.0))
     assert form_from_data({"form": "schedule", "skip_fine": 1}) == Schedule(1)
     assert form_from_data(Schedule(0.5).to_data()) == Schedule(0.5)
+
+
+@given(walk=st.text("ABC" + OUTSIDE, min_size=2, max_size=25))
+def test_a_fixed_clock_goes_on_by_time_alone(walk):
+    reward = DescribedReward(rooms(SHORT, RING), Schedule(robot_leads=False), DT)
+    signals = [np.array([float("ABC".index(room)) if room in "ABC" else -1.0]) for room in walk]
+    memory, started = reward.init(signals[0]), None
+    if walk[0] != OUTSIDE:
+        started = (0, "ABC".index(walk[0]))
+    for step, (room, sample) in enumerate(zip(walk[1:], signals[1:], strict=True), start=1):
+        memory, pay, info = reward.step(memory, sample)
+        if started is None and room != OUTSIDE:
+            started = (step, "ABC".index(room))
+        # Each phase is expected for two steps, whatever the robot does.
+        expected = 3 if started is None else (started[1] + (step - started[0]) // 2) % 3
+        assert int(info.form["expected"]) == expected
+        assert float(pay) == (1.0 if "ABC."[expected] == room != OUTSIDE else -1.0)
+
+
+def test_durations_take_the_place_of_the_phases_limits():
+    endless = rooms(dict.fromkeys("ABC", (0, math.inf)), RING)
+    form = Schedule(1.0, durations=dict.fromkeys("ABC", 2 * DT))
+    with pytest.raises(ParameterError, match="may last for ever"):
+        DescribedReward(endless, Schedule(1.0), DT)
+    walk = [np.array([float("ABC".index(room))]) for room in "AAAACCABBBCC"]
+    for_all = []
+    for reward in (
+        DescribedReward(endless, form, DT),
+        DescribedReward(rooms(SHORT, RING), Schedule(1.0), DT),
+    ):
+        memory, rows = reward.init(walk[0]), []
+        for sample in walk[1:]:
+            memory, pay, _ = reward.step(memory, sample)
+            rows.append(float(pay))
+        for_all.append(rows)
+    assert for_all[0] == for_all[1]
+    longer = Schedule(1.0, durations={"A": 3 * DT})
+    short = rooms(SHORT, RING)
+    assert len({hash_of_paid(short, each) for each in (Schedule(1.0), longer, Schedule(1.0, False))}) == 3
+    data = {"form": "schedule", "skip_fine": 1.0, "robot_leads": False, "durations": {"A": 0.5}}
+    assert form_from_data(data).to_data() == data
+
+
+def test_durations_that_make_no_sense_are_refused():
+    with pytest.raises(ParameterError, match=r"durations\.A"):
+        Schedule(durations={"A": 0.0})
+    with pytest.raises(ParameterError, match=r"has no phase 'a'; known: 'A', 'B', 'C'"):
+        DescribedReward(rooms(SHORT, RING), Schedule(durations={"a": 1.0}), DT)
+    with pytest.raises(ParameterError, match=r"form\.durations\.A must be a number"):
+        form_from_data({"form": "schedule", "durations": {"A": "long"}})

@@ -9,6 +9,7 @@ import numpy as np
 import pyintval
 import pytest
 from ival import Interval
+from scipy.stats import norm
 
 from tests.plants import oracle
 from tests.verification.certificate import simulator
@@ -43,7 +44,21 @@ def test_what_is_no_decimal_number_is_refused(text):
         checker.decimal(text)
 
 
-@pytest.mark.parametrize("name", ["sin", "cos", "tan", "tanh", "sqr"])
+def test_the_mean_of_what_is_clipped_holds_mpmaths_and_is_hardly_wider():
+    means, std, low, high = RNG.normal(size=40) * 2, 0.7, -2.0, 0.0
+    numbers = (checker.point(np.full(40, number)) for number in (std, low, high))
+    ours = checker.clipped_mean(checker.point(means), *numbers)
+    below = checker.normal_below(checker.point(means))
+    with mpmath.workdps(30):
+        for k, mean in enumerate(means):
+            inside = mpmath.quad(lambda a, mean=mean: a * mpmath.npdf(a, mean, std), [low, -1.0, high])
+            true = inside + low * mpmath.ncdf(low, mean, std) + high * mpmath.ncdf(-high, -mean, std)
+            assert ours.lo[k] <= true <= ours.hi[k]
+            assert below.lo[k] <= mpmath.ncdf(mean) <= below.hi[k]
+    assert np.max(ours.hi - ours.lo) < 1e-13
+
+
+@pytest.mark.parametrize("name", ["sin", "cos", "tan", "tanh", "exp", "erfc", "sqr"])
 def test_functions_agree_with_pyintval_and_hold_mpmaths_values(name):
     x = np.sort(RNG.normal(size=(2, 200)) * 1.4, axis=0)
     ours = getattr(ival, name)(checker.pair(*x))
@@ -207,13 +222,16 @@ def network():
     }
 
 
-@pytest.mark.parametrize("squashing", ["clip", "tanh"])
+@pytest.mark.parametrize("squashing", ["clip", "tanh", "expected"])
 @pytest.mark.parametrize("radius", [0.0, 1e-4, 0.1])
 def test_an_interval_network_holds_the_network_and_its_chords(network, squashing, radius):
     layers = tuple((W, b[:, None]) for W, b in zip(network["weights"], network["biases"], strict=True))
     low, high = (np.array(network[end])[:, None] for end in ("low", "high"))
     centre = RNG.normal(size=(4, 50))
-    jets, there = checker.network(layers, low, high, squashing, around(centre, radius), checker.point(centre))
+    std = np.array([[0.05], [0.4]])
+    jets, there = checker.network(
+        layers, low, high, std, squashing, around(centre, radius), checker.point(centre)
+    )
     if squashing == "clip":
         torque = simulator.network(network)
     else:
@@ -222,7 +240,16 @@ def test_an_interval_network_holds_the_network_and_its_chords(network, squashing
         def torque(x):
             of_joints = unbounded(x)
             u = np.stack([of_joints[0] + of_joints[1], -of_joints[1]])
-            u = low + (high - low) * (np.tanh(u) + 1) / 2
+            if squashing == "tanh":
+                u = low + (high - low) * (np.tanh(u) + 1) / 2
+            else:
+                alpha, beta = (low - u) / std, (high - u) / std
+                u = (
+                    low * norm.cdf(alpha)
+                    + high * norm.sf(beta)
+                    + u * (norm.cdf(beta) - norm.cdf(alpha))
+                    + std * (norm.pdf(alpha) - norm.pdf(beta))
+                )
             return np.stack([u[0] + u[1], -u[1]])
 
     assert holds(there[:, 0], torque(centre), 1e-13)

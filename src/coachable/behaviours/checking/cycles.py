@@ -19,6 +19,7 @@ from coachable.behaviours.expressions import Arithmetic
 from coachable.behaviours.predicates import OPERATORS, Comparison
 from coachable.behaviours.rewriting import expanded, widened
 from coachable.behaviours.tree import walk
+from coachable.foundation.suggestion import in_a_row
 
 Bounds = tuple[tuple[str, Fraction | None, Fraction | None], ...]
 """Signals, each with the least and the greatest rate that it has in a phase."""
@@ -175,6 +176,27 @@ def dwell_times(behaviour: Behaviour, regions: Regions) -> Iterator[Result]:
                 f"{phase.name} cannot keep its dwell times: {complaint}",
                 "Change the times, or remove them.",
             )
+
+
+def unlimited_phases(behaviour: Behaviour) -> Iterator[Result]:
+    """Phases that may last for ever, on a cycle whose other phases may not."""
+    on_cycle = {edge.source for cycle in behaviour.cycles for edge in cycle}
+    endless = [
+        phase.name
+        for phase in behaviour.phases
+        if phase.name in on_cycle and math.isinf((phase.dwell or Dwell()).at_most)
+    ]
+    if 0 < len(endless) < len(on_cycle):
+        many = len(endless) > 1
+        yield Finding(
+            "unlimited-phase",
+            "note",
+            tuple(Subject("phase", name) for name in endless),
+            f"{in_a_row(endless)} may last for ever. The reward form `schedule`, which pays for being in the "
+            f"expected phase, needs a limit for {'each of them' if many else 'it'}.",
+            "Say how long it may last, as in `for at most 0.3 s`; `coachable limits` proposes times from a "
+            "recorded motion, and writes them into the text.",
+        )
 
 
 def _contradiction(behaviour: Behaviour, phase: Phase, dwell: Dwell) -> str | None:
