@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,8 @@ from coachable.experiments.plan import load_plan, trainer_settings
 
 ROOT = Path(__file__).parents[1]
 EXPERIMENTS = ROOT / "experiments"
-PLANS = sorted(EXPERIMENTS.rglob("*.toml"))
+BEYOND = EXPERIMENTS / "beyond-paper"
+PLANS = sorted(path for path in EXPERIMENTS.rglob("*.toml") if path.parent != BEYOND)
 GUIDE = (ROOT / "docs" / "debugging.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w+) ?(\S*)\n(.*?)^```$", GUIDE, re.DOTALL | re.MULTILINE)
 
@@ -74,3 +76,34 @@ def test_the_guides_commands_are_commands_and_their_files_are_there():
 @pytest.mark.parametrize("target", sorted(set(re.findall(r"\]\(((?!https:)[^)#]+)(?:#[^)]*)?\)", GUIDE))))
 def test_what_the_guide_links_to_is_there(target):
     assert (ROOT / "docs" / target).exists()
+
+
+def test_what_was_tuned_on_is_not_reported():
+    """Of the study beyond the paper: tuned on seeds from 10,000 on, reported on others, each on its own."""
+    tuned = {seed for name in ("clock", "clock-2") for seed in load_plan(BEYOND / f"{name}.toml").seeds}
+    reported = [
+        set(load_plan(name).seeds) for name in ("beyond-paper", BEYOND / "sensitivity.toml", "paper-100")
+    ]
+    assert min(tuned) >= 10_000
+    assert tuned.isdisjoint(set.union(*reported))
+    assert len(set.union(*reported)) == sum(map(len, reported))
+
+
+def test_the_tuned_clock_is_one_of_those_that_were_tried():
+    tuned, gait = (load_plan("beyond-paper").setup(name) for name in ("clock-tuned", "clock-gait"))
+    tried = load_plan(BEYOND / "clock-2.toml")
+    for chosen, name in ((tuned, "distcut-long-10"), (gait, "distcut-gait-10")):
+        assert replace(chosen, name=name) == tried.setup(name)
+
+
+def test_the_sensitivity_varies_one_number_at_a_time():
+    plan, whole = load_plan(BEYOND / "sensitivity.toml"), load_plan("beyond-paper")
+    assert replace(plan.setup("as-published"), name="description-alone") == whole.setup("description-alone")
+    limits = [phase.dwell.at_most for phase in plan.behaviour.phases]
+    for factor in (80, 125, 160):
+        durations = plan.problem.form_of(plan.setup(f"limits-{factor}")).durations
+        assert [*durations.values()] == pytest.approx([factor / 100 * limit for limit in limits])
+    for gamma in ("098", "0995"):
+        settings = trainer_settings(str(BEYOND / f"gamma-{gamma}.toml"))
+        changed = load_plan(BEYOND / "sensitivity.toml", settings=settings, setups=["as-published"])
+        assert changed.trainer.config.gamma == float(f"0.{gamma[1:]}")

@@ -1,13 +1,16 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 from PIL import Image
 
-from coachable.analysis.figures import draw_figures, learning_curves, walking_distance
+from coachable.analysis.figures import draw_figures, learning_curves, rules_figure, walking_distance
 from coachable.analysis.measurements import measure_tables
-from coachable.analysis.measures import HIGHEST, RETURN
+from coachable.analysis.measures import DISTANCE, HIGHEST, RETURN
 from coachable.analysis.paper import paper_curves
 from coachable.analysis.statistics import mean_curve
+from coachable.foundation.errors import RunFolderError
 from coachable.foundation.style import INK, setup_colours
 
 
@@ -94,3 +97,19 @@ def test_one_seed_is_drawn_without_bands(tables):
     (axes,) = learning_curves(runs).axes
     assert len(curves(axes)) == 2
     assert not any(np.size(path.vertices) for band in axes.collections for path in band.get_paths())
+
+
+def test_rules_are_drawn_side_by_side_of_the_same_runs(small_study, tmp_path):
+    other = replace(
+        small_study, experiment=replace(small_study.experiment, deterministic=("expected-action",))
+    )
+    some = [runs.of_setups(["orthant", "sparse"]) for runs in (other, small_study)]
+    left, right = rules_figure(some).axes
+    assert [axes.get_title(loc="left") for axes in (left, right)] == ["expected action", "clipped mean"]
+    curve = mean_curve(small_study, small_study["orthant"], DISTANCE)
+    np.testing.assert_allclose(left.lines[0].get_ydata(), curve.value)
+    assert len(left.lines) == len(some[0].setups) + 1  # and the baseline
+    names = {path.name for path in draw_figures(some[0], tmp_path, some[1:])}
+    assert {"rules.svg", "rules.png"} <= names
+    with pytest.raises(RunFolderError, match="did you mean 'sparse'"):
+        small_study.of_setups(["sparce"])

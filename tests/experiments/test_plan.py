@@ -481,3 +481,13 @@ def test_batches_hold_lanes_of_one_program():
 def test_what_setups_and_rules_cannot_be_is_refused_by_name(text, said):
     with pytest.raises(PlanError, match=said):
         parse_plan('name = "mine"\n' + text, "mine.toml")
+
+
+def test_a_plants_schedule_charges_in_full_for_what_is_passed_over():
+    for form, fine in (("schedule", 1.0), ({"form": "schedule", "skip_fine": 0.3}, 0.3)):
+        plan = load_plan("demo", behaviour="compass-walking-timed", reward_variant=form)
+        assert plan.problem.form == Schedule(fine)
+        assert parse_plan(plan.to_toml(), "plan.toml") == plan
+    setups = {"one": {"orthant": 0.1, "reward_variant": "schedule"}}
+    plan = load_plan("demo", behaviour="compass-walking-timed", setups=setups)
+    assert plan.problem.form_of(plan.reward_setups[0]) == Schedule(1.0)

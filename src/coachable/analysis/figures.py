@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, PercentFormatter
 
 from coachable.analysis.claims import Claim
 from coachable.analysis.measurements import Measurements, SetupRuns
-from coachable.analysis.measures import HIGHEST, RETURN, Measure
+from coachable.analysis.measures import DISTANCE, HIGHEST, RETURN, Measure
 from coachable.analysis.paper import Figure as PaperFigure
 from coachable.analysis.paper import paper_curves, paper_numbers
 from coachable.analysis.sections import IN_UNIT, with_interval
@@ -25,6 +25,8 @@ WIDTH = 7.16
 """Both columns of a two-column page [in]."""
 HEIGHT = 3.0
 PANELS_A_ROW = 3
+_MOST_IN_A_LINE = 6
+"""More entries of a legend take two lines."""
 
 
 def learning_curves(runs: Measurements) -> Figure:
@@ -67,6 +69,25 @@ def walking_distance(runs: Measurements) -> Figure:
             _finish(axes, runs.steps)
         best.set_ylabel("highest walking distance [m]")
         _draw_legend(figure, runs)
+    return figure
+
+
+def rules_figure(studies: Sequence[Measurements]) -> Figure:
+    """The distance of each evaluation by what policies do when they do not explore, side by side.
+
+    A line is the mean over runs, its band the pointwise 95 % interval. The runs are the same in all panels.
+    """
+    with drawing():
+        figure = Figure(figsize=(WIDTH, HEIGHT), layout=ConstrainedLayoutEngine(wspace=0.06))
+        places = figure.subplots(1, len(studies), sharey=True, squeeze=False)[0]
+        for runs, axes in zip(studies, places, strict=True):
+            for setup, colour in _coloured(runs):
+                draw_band(axes, mean_curve(runs, setup, DISTANCE), colour)
+            axes.axhline(runs.baseline_distance, color=INK, linewidth=0.9)
+            axes.set_title(runs.experiment.deterministic[0].replace("-", " "))
+            _finish(axes, runs.steps)
+        places[0].set_ylabel("walking distance [m]")
+        _draw_legend(figure, studies[0], of_paper=False)
     return figure
 
 
@@ -152,24 +173,28 @@ def panels(
     return figure
 
 
-def figures(runs: Measurements, claims: Sequence[Claim] = ()) -> dict[str, Figure]:
+def figures(
+    runs: Measurements, claims: Sequence[Claim] = (), others: Sequence[Measurements] = ()
+) -> dict[str, Figure]:
     """The figures of a study by name, both columns of a paper wide.
 
     Beside a baseline, the paper's two and that of the claims if any could be decided; without one, the curves
-    of every measure.
+    of every measure. With the same runs by `others` of their rules, one of them all.
     """
     if not runs.has_baseline:
         return {"learning_curves": training_curves(runs)}
     drawn = {"learning_curves": learning_curves(runs), "walking_distance": walking_distance(runs)}
     if any(claim.comparisons for claim in claims):
         drawn["claims"] = claims_figure(claims)
+    if others:
+        drawn["rules"] = rules_figure([runs, *others])
     return drawn
 
 
-def draw_figures(runs: Measurements, folder: Path) -> list[Path]:
+def draw_figures(runs: Measurements, folder: Path, others: Sequence[Measurements] = ()) -> list[Path]:
     """Write the figures as SVG and PNG into a folder, which is made if need be; returns their paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    drawn = figures(runs)
+    drawn = figures(runs, others=others)
     paths = [folder / f"{name}.{suffix}" for name in drawn for suffix in ("svg", "png")]
     for path in paths:
         save(drawn[path.stem], path)
@@ -206,13 +231,14 @@ def _steps_text(steps: float, _: object = None) -> str:
     return f"{steps / 1000:g}k" if steps else "0"
 
 
-def _draw_legend(figure: Figure, runs: Measurements) -> None:
+def _draw_legend(figure: Figure, runs: Measurements, *, of_paper: bool = True) -> None:
     handles = [Line2D([], [], color=colour, label=setup.name) for setup, colour in _coloured(runs)]
     handles.append(Line2D([], [], color=INK, linewidth=0.9, label="virtual gravity"))
-    if set(runs.setup_names) & set(paper_numbers()):
+    if of_paper and set(runs.setup_names) & set(paper_numbers()):
         handles.append(
             Line2D([], [], color=FAINT, linewidth=0.8, linestyle=(0, (4, 2)), label="paper, digitised")
         )
+    columns = len(handles) if len(handles) <= _MOST_IN_A_LINE else -(-len(handles) // 2)
     figure.legend(
-        handles=handles, loc="outside upper center", ncols=len(handles), handlelength=1.8, columnspacing=1.6
+        handles=handles, loc="outside upper center", ncols=columns, handlelength=1.8, columnspacing=1.6
     )

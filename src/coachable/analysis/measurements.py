@@ -155,6 +155,16 @@ class Measurements:
     def __getitem__(self, name: str) -> SetupRuns:
         return next(setup for setup in self.setups if setup.name == name)
 
+    def of_setups(self, names: Sequence[str]) -> Measurements:
+        """The same of some setups alone, in this order.
+
+        **Raises:** `RunFolderError` for a setup that is not among them.
+        """
+        for name in names:
+            if name not in self.setup_names:
+                raise RunFolderError(f"there is no setup {name!r}; {suggestion(name, self.setup_names)}")
+        return replace(self, setups=tuple(self[name] for name in names))
+
     @property
     def name(self) -> str:
         """The study's name."""

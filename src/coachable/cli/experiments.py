@@ -23,7 +23,7 @@ def train(
         Positional[str | None],
         arg(
             metavar="[PLAN]",
-            help="paper, paper-100, certifiable, demo, or a TOML file; options override it.",
+            help="paper, paper-100, beyond-paper, certifiable, demo, or a TOML file; options override it.",
             help_behavior_hint="",
         ),
     ] = None,
@@ -60,11 +60,20 @@ def train(
         option("paper|released-code", "What the paper means, or what its code does, quirks included."),
     ] = None,
     reward_variant: Annotated[
-        Literal["stay", "equation", "released"] | None,
+        Literal["stay", "equation", "released", "schedule"] | None,
         option(
-            "stay|equation|released",
+            "stay|equation|released|schedule",
             "How a plant's phase reward is read.",
             otherwise="as the semantics have it",
+        ),
+    ] = None,
+    deterministic: Annotated[
+        Literal["clipped-mean", "expected-action"] | None,
+        option(
+            "clipped-mean|expected-action",
+            "What policies do when they do not explore: their mean, clipped, or the mean of the actions that "
+            "they apply.",
+            otherwise="the plan's, else clipped-mean",
         ),
     ] = None,
     clock: Annotated[
@@ -98,6 +107,7 @@ def train(
         coachable train demo
         coachable train paper -o runs/paper
         coachable train paper --semantics released-code -o runs/released
+        coachable train demo --behaviour compass-walking-timed --reward-variant schedule
         coachable train mine.toml --setups orthant mine --seeds 5 --steps 100000
         coachable train --env Walker2d-v5 --behaviour walk.behaviour --settings ppo-walker2d --seeds 2
         coachable train --env coachable/CompassWalker-v0 --behaviour compass-walking --trainer sb3-ppo
@@ -119,6 +129,7 @@ def train(
         weight=weight,
         semantics=semantics,
         reward_variant=reward_variant,
+        deterministic=deterministic,
         clock=clock,
         steps=steps,
         evaluate_every=evaluate_every,

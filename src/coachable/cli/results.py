@@ -13,6 +13,7 @@ from coachable.cli.options import (
     Json,
     RunFolder,
     Trust,
+    option,
     output,
     print_json,
     refuse_out_with_json,
@@ -23,6 +24,8 @@ from coachable.cli.options import (
 from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from coachable.analysis.report.formats import Format
     from coachable.envs.squashing import Deterministic
 
@@ -31,6 +34,9 @@ def table(
     run: RunFolder,
     out: Annotated[
         Path | None, output("DIR", "Where the table and the figures go.", otherwise="the run folder")
+    ] = None,
+    setups: Annotated[
+        tuple[str, ...] | None, option("NAME [NAME …]", "Only these setups.", otherwise="all")
     ] = None,
     deterministic: DeterministicRule = None,
     json: Json = False,
@@ -42,6 +48,7 @@ def table(
 
         coachable table runs/paper
         coachable table runs/paper -o docs/results/paper
+        coachable table runs/paper --setups sparse orthant -o two
         coachable table runs/beyond-paper --deterministic clipped-mean -o clipped
         coachable table runs/paper --json
     """
@@ -51,16 +58,26 @@ def table(
         from coachable.experiments.run_folder.reader import open_run
 
         refuse_out_with_json(out)
+        if setups is not None:
+            raise CoachableError("--json is of all setups; leave out --setups")
         print_json(table_numbers(open_run(run), deterministic))
         return
     require_folder(out)
-    show_table(run, out or run, deterministic)
+    if setups is not None and out is None:
+        raise CoachableError(f"{run} keeps the table of all setups; say with -o where that of some goes")
+    show_table(run, out or run, deterministic, setups)
 
 
-def show_table(run: Path, folder: Path, deterministic: Deterministic | None = None) -> None:
+def show_table(
+    run: Path,
+    folder: Path,
+    deterministic: Deterministic | None = None,
+    setups: Sequence[str] | None = None,
+) -> None:
     """Print a run's table, and write it with its figures into a folder.
 
-    **Arguments:** `deterministic`, by which of its rules the policies act, by default the first.
+    **Arguments:** `deterministic`, by which of its rules the policies act, by default the first; `setups`,
+    the only ones that are shown.
     """
     from coachable.analysis.figures import draw_figures
     from coachable.analysis.measurements import measure, measure_so_far
@@ -73,10 +90,15 @@ def show_table(run: Path, folder: Path, deterministic: Deterministic | None = No
     measured = measure_so_far(opened) if looks_ahead else measure(opened, deterministic)
     if looks_ahead:
         print(f"The run is {opened.status}; this is what there is so far.")
+    others = []
+    if deterministic is None and not looks_ahead:
+        others = [measure(opened, rule) for rule in opened.experiment.deterministic[1:]]
+    if setups is not None:
+        measured, *others = (runs.of_setups(setups) for runs in (measured, *others))
     print_table(measured)
     for sentence in diverged_lanes(opened):
         print(sentence)
-    for path in (*draw_figures(measured, folder), write_markdown(measured, folder)):
+    for path in (*draw_figures(measured, folder, others), write_markdown(measured, folder)):
         print(f"wrote {path}")
 
 

@@ -285,6 +285,17 @@ def _resolved(
         raise PlanError(f"{sources}: {error}") from None
 
 
+def _with_fine(variant: Any) -> Any:
+    """A plant's reward form, where `schedule` charges in full for a phase that was passed over.
+
+    In a Gymnasium environment, where an episode may be worth ending, a large fine can teach just that.
+    """
+    table = {"form": variant} if isinstance(variant, str) else variant
+    if not isinstance(table, Mapping) or table.get("form") != "schedule" or "skip_fine" in table:
+        return variant
+    return {**table, "skip_fine": 1.0}
+
+
 def _rules(given: str | Sequence[str]) -> Any:
     return (given,) if isinstance(given, str) else tuple(given)
 
@@ -296,7 +307,7 @@ def _plant_problem(
         if key in given and given[key] not in choices:
             raise PlanError(f"{sources}: {key} = {given[key]!r}: {suggestion(str(given[key]), choices)}")
     semantics = given.get("semantics", "paper")
-    variant = given.get("reward_variant", _VARIANTS[semantics])
+    variant = _with_fine(given.get("reward_variant", _VARIANTS[semantics]))
     try:
         form_from_data(variant)
     except ParameterError as error:
@@ -384,6 +395,8 @@ def _setup(kind: type[Setup], name: str, weights: Any, source: str) -> Setup:
         weights = dict(weights)
         weights["observe"] = "memory" if weights.pop("append_phase") else "nothing"
     given = structure_given(kind, weights, source, PlanError, key, without=("name",))
+    if kind is RewardSetup and given.get("reward_variant") is not None:
+        given["reward_variant"] = _with_fine(given["reward_variant"])
     try:
         if kind is RewardSetup and name in PAPER_SETUPS:
             return dataclasses.replace(PAPER_SETUPS[name], **given)

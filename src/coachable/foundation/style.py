@@ -27,7 +27,7 @@ BAD = "#c1440e"
 DARK_PAGE = "#14171b"
 
 _OF_SETUP = {"sparse": "#7a7a7a", "forward": "#e69f00", "orthant": "#0072b2", "forward+orthant": "#009e73"}
-_FURTHER_SETUPS = ("#cc79a7", "#56b4e9", "#d55e00", "#6a51a3", "#8c6d31")
+_FURTHER_SETUPS = ("#cc79a7", "#56b4e9", "#d55e00", "#6a51a3", "#8c6d31", "#a50026", "#1b9e77", "#80b1d3")
 
 _PHASES = ("#9ecae9", "#b5dfb0", "#f4dc8a", "#f7b6a0", "#d3bde6", "#a8e0d8")
 OUTSIDE = "#d5d5d5"

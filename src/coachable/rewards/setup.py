@@ -52,7 +52,9 @@ class RewardSetup:
     reward_variant: str | Mapping[str, Any] | None = field(default=None, hash=False)
     """The reward form as plain data, if it is another one than the plan's; see `form_from_data`."""
     observe: Observe = "nothing"
+    """What of the form's memory is observed; see `Observe`."""
     time_limit: TimeLimit = "terminates"
+    """What T does to an episode; see `TimeLimit`."""
 
     def __post_init__(self):
         if not self.name.strip():

@@ -93,8 +93,8 @@ class Schedule(RewardForm):
             raise ParameterError(
                 f"behaviour {behaviour.name!r}: the form 'schedule' needs to know how long each phase on a "
                 f"cycle may last, but {in_a_row(endless)} may last for ever; write, for example, "
-                "`for at most 0.3 s` after the phase's name; `coachable limits` proposes times from a recorded "
-                "motion"
+                "`for at most 0.3 s` after the phase's name; `coachable limits` proposes times from a "
+                "recorded motion"
             )
         return bound
 
