@@ -59,7 +59,7 @@ def programs(cache: str, quick: bool) -> dict[str, Program]:
         "rtamt, online": program("rtamt_monitor", 1, num_samples=10_000 // shrink, online=True),
     }
     others = ("rtamt, online", "pyrewardmachines") if sys.version_info < (3, 13) else ()
-    wrappers = ("coachable", "coachable, Perry's phases", *others)
+    wrappers = ("coachable", "coachable, Perry's phases", "coachable, schedule", *others)
     return {
         "steps": program(
             "coachable_steps", 3, ONE_XLA_THREAD, num_lanes=WIDEST_BATCH, num_steps=50_000 // shrink

@@ -18,6 +18,7 @@ import gymnasium
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.behaviour_reward import BehaviourReward
 from coachable.envs.signals import signal_pack
+from coachable.rewards.forms import Schedule
 
 ENVIRONMENT = "Walker2d-v5"
 _FOLDER = Path(__file__).parent / "behaviours"
@@ -155,10 +156,13 @@ class RewardMachineReward(_Paid):
         return float(reward(None, None, signals))
 
 
+_TIMES = {"left": 0.3, "both": 0.1, "right": 0.3}
+
 WRAPPERS: Mapping[str, Callable[[gymnasium.Env], gymnasium.Wrapper]] = MappingProxyType(
     {
         "coachable": lambda env: BehaviourReward(env, TWO_FEET),
         "coachable, Perry's phases": lambda env: BehaviourReward(env, PERRY),
+        "coachable, schedule": lambda env: BehaviourReward(env, TWO_FEET, form=Schedule(durations=_TIMES)),
         "rtamt, online": RtamtReward,
         "pyrewardmachines": RewardMachineReward,
     }

@@ -1,5 +1,7 @@
 """The compass walker obeys mechanics: derived here from point masses, not from the formulas in the plant."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coachable.plants import CompassParameters, CompassWalker, VirtualGravity, rk4
+from coachable.foundation.errors import ParameterError
+from coachable.plants import CompassParameters, CompassWalker, ConstantTorque, VirtualGravity, rk4
 
 PAPER = CompassParameters()
 WALKERS = [
@@ -283,3 +286,12 @@ def test_released_virtual_gravity_reads_the_wrong_coordinate():
     alike = jnp.array([0.1, 0.8, 0.8, -1.0])
     np.testing.assert_allclose(right(alike), released(alike))
     assert not np.allclose(right(alike.at[2].set(0)), released(alike.at[2].set(0)))
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, 2.0])
+def test_a_controller_without_a_finite_torque_is_refused(number):
+    with pytest.raises(ParameterError, match="slope must be"):
+        VirtualGravity(CompassWalker(), slope=number)
+    if not math.isfinite(number):
+        with pytest.raises(ParameterError, match="torque must be"):
+            ConstantTorque((0.0, number))

@@ -11,14 +11,22 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from coachable.foundation.data import real_number
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
 
 
 class ConstantTorque(eqx.Module):
-    """Hold the same control u, whatever the state."""
+    """Hold the same control u, whatever the state.
+
+    **Raises:** `ParameterError` for a control that is not finite.
+    """
 
     torque: tuple[float, ...] = eqx.field(static=True)
+
+    def __check_init__(self) -> None:
+        for number in self.torque:
+            real_number(number, "torque", ParameterError)
 
     def __call__(self, x: Float[Array, " state"]) -> Float[Array, " control"]:
         """Return the control."""

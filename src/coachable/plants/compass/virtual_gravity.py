@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from coachable.foundation.data import real_number
+from coachable.foundation.errors import ParameterError
 from coachable.plants.compass.restated import virtual_gravity
 from coachable.plants.compass.walker import CompassWalker
 from coachable.plants.equations import Definitions, decimal
@@ -20,11 +22,16 @@ class VirtualGravity(eqx.Module):
     walking*, IEEE Transactions on Robotics, 2005. A negative slope [rad] goes downhill in the forward
     direction. With `released` the swing term reads cos θ̇₁ for cos θ₂, as the code released with Harnack et
     al. does.
+
+    **Raises:** `ParameterError` for a slope that is not a number from −1.57 to 1.57.
     """
 
     plant: CompassWalker
     slope: float = eqx.field(static=True, default=-0.07)
     released: bool = eqx.field(static=True, default=False)
+
+    def __check_init__(self) -> None:
+        real_number(self.slope, "slope", ParameterError, least=-1.57, most=1.57)
 
     def __call__(self, x: Float[Array, "4"]) -> Float[Array, "2"]:
         """Return the torques u = (ankle, hip) at state x [N m]."""
