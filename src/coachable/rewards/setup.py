@@ -72,6 +72,7 @@ class RewardSetup:
                     f"reward setup {self.name!r}: {key} = {word!r}: {suggestion(str(word), known)}"
                 )
         if self.reward_variant is not None:
+            object.__setattr__(self, "reward_variant", plain(self.reward_variant))
             form_from_data(self.reward_variant)
 
     @property
