@@ -78,3 +78,19 @@ def test_a_robot_that_goes_back_is_ahead_of_nothing_and_a_gap_begins_anew():
 def test_only_what_has_limits_and_goes_round_has_an_expected_run():
     assert ExpectedRunFollower.of(load_behaviour("compass-walking")) is None
     assert ExpectedRunFollower.of(load_behaviour("compass-walking-timed")) is not None
+
+
+def test_along_a_whole_walk_it_is_what_the_reward_expects_and_nothing_is_kept():
+    walk = "".join(np.random.default_rng(3).choice([*"ABCD."], 120))
+    recorded = trace(walk)
+    reward, signals = DescribedReward(ROOMS, Schedule(), DT), recorded.values["room"][:, None]
+    memory = reward.init(signals[0])
+    expected = [int(memory.form.phase)]
+    for sample in signals[1:]:
+        memory, _, info = reward.step(memory, sample)
+        expected.append(int(info.form["expected"]))
+    follower = ExpectedRunFollower(ROOMS)
+    locations = np.array(["ABCD.".index(room) for room in walk])
+    for _ in range(2):
+        assert follower.along(recorded.time, locations).tolist() == expected
+    assert follower.run().time == {}

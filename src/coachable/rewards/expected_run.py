@@ -112,6 +112,20 @@ class ExpectedRunFollower:
                 self._follow(part)
             yield part
 
+    def along(
+        self, time: Float[np.ndarray, " samples"], locations: Int[np.ndarray, " samples"]
+    ) -> Int[np.ndarray, " samples"]:
+        """The phase that is expected at each sample of a whole walk, K where none is; nothing is kept of it.
+
+        **Arguments:** `locations`, where the robot is: 0 … K−1, or K outside.
+        """
+        self._dt = self._dt or (float(np.median(np.diff(time))) if len(time) > 1 else 0.0)
+        memory, self._memory = self._memory, None
+        try:
+            return self._expected(locations, np.append(0.0, np.diff(time)), np.arange(len(time)) == 0)
+        finally:
+            self._memory = memory
+
     def run(self) -> ExpectedRun:
         """What has been followed so far."""
         spells = self._longest([*self._spells, *([self._open] if self._open else [])])

@@ -18,9 +18,11 @@ from coachable.analysis.report import page as page_module
 from coachable.analysis.report.formats import write
 from coachable.analysis.report.page import read_studies, render, write_report
 from coachable.analysis.report.walks import even_selection
+from coachable.behaviours.library import load_behaviour
 from coachable.experiments.run_folder.schemas import DIAGNOSTICS
 from coachable.foundation.errors import RunFolderError
 from coachable.foundation.files import hash_of
+from coachable.rewards.expected_run import ExpectedRunFollower
 
 RESULTS = Path(__file__).parents[3] / "docs" / "results"
 BIBTEX = "@software{coachable, title = {A & B <c>}}"
@@ -142,6 +144,31 @@ def test_a_walk_is_that_of_the_parquet_file(four, page, in_node):
         for name, column in back:
             half = 0.51 * dict(lane["walk"]["columns"])[name]
             np.testing.assert_allclose(column, stored[name], atol=half)
+
+
+def test_where_phases_have_limits_the_expected_one_stands_beside_the_actual(
+    make_run, four, page, in_node, tmp_path
+):
+    timed = load_behaviour("compass-walking-timed")
+    folder = make_run(tmp_path / "timed", setups=["orthant"], behaviour=timed)
+    (study,) = data_of(page_of(folder))
+    walks = pq.read_table(folder / "trajectories.parquet").to_pandas()
+    follower = ExpectedRunFollower(timed)
+    for name, packed in (
+        (study["lanes"][0]["name"], study["lanes"][0]["walk"]),
+        ("virtual-gravity", study["baseline"]),
+    ):
+        stored = walks[walks.lane == name]
+        columns = dict(
+            in_node(
+                "unpack(input).then((c) => Object.entries(c).map(([k, v]) => [k, Array.from(v)]))", packed
+            )
+        )
+        expected = follower.along(stored["t"].to_numpy(float), stored["phase"].to_numpy(int))
+        np.testing.assert_array_equal(columns["expected"], expected)
+        assert 0.5 < np.mean(expected == stored["phase"]) < 1
+    (without,) = data_of(page)
+    assert "expected" not in dict(without["lanes"][0]["walk"]["columns"])
 
 
 def test_the_policy_forbids_all_but_the_page_s_own_scripts(page):

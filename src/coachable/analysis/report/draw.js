@@ -149,7 +149,7 @@ function drawTimeline(canvas, walk, phases, colours) {
   if (!sheet) return;
   const { context, width, height } = sheet;
   const x = (row) => alongTimeline(walk.t[row], walk.duration, width);
-  const rows = [["phase", 26], ["angles", 0.38 * (height - 130)], ["torques", 0.3 * (height - 130)], ["reward", 70]];
+  const rows = [["phase", walk.expected ? 46 : 26], ["angles", 0.38 * (height - 130)], ["torques", 0.3 * (height - 130)], ["reward", 70]];
   const free = (height - 22 - rows.reduce((sum, [, share]) => sum + share, 0)) / 3;
   let top = 0;
   const place = Object.fromEntries(rows.map(([name, share]) => {
@@ -158,17 +158,21 @@ function drawTimeline(canvas, walk, phases, colours) {
     return [name, range];
   }));
 
-  stretches(walk.phase).forEach(([phase, start, stop]) => {
-    const left = x(start), right = stop < walk.t.length ? x(stop) : x(stop - 1);
-    context.fillStyle = colours.phases[phase];
-    context.fillRect(left, place.phase[0], right - left, 20);
-    const name = phases[phase]?.name;
-    context.font = "11px system-ui";
-    if (name && context.measureText(name).width + 6 < right - left) {
-      write(context, name, (left + right) / 2, place.phase[0] + 10.5, colours["on-area"], { align: "center" });
-    }
-  });
-  write(context, "phase", 0, place.phase[0] + 10, colours.faint);
+  const areas = (column, from, label) => {
+    stretches(column).forEach(([phase, start, stop]) => {
+      const left = x(start), right = stop < walk.t.length ? x(stop) : x(stop - 1);
+      context.fillStyle = colours.phases[phase];
+      context.fillRect(left, from, right - left, 20);
+      const name = phases[phase]?.name;
+      context.font = "11px system-ui";
+      if (name && context.measureText(name).width + 6 < right - left) {
+        write(context, name, (left + right) / 2, from + 10.5, colours["on-area"], { align: "center" });
+      }
+    });
+    write(context, label, 0, from + 10, colours.faint);
+  };
+  areas(walk.phase, place.phase[0], "phase");
+  if (walk.expected) areas(walk.expected, place.phase[0] + 22, "expected");
   walk.touchdowns.forEach((row) => line(context, [[x(row), 0], [x(row), height - 20]], colours.line, 1));
 
   const curves = (range, columns, unit, names) => {

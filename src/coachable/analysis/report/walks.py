@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 from coachable.analysis.report.packing import pack
 from coachable.experiments.experiment import Experiment
 from coachable.experiments.run_folder.reader import Run
+from coachable.rewards.expected_run import ExpectedRunFollower
 
 MOST_WALKS = 128
 """Walks in a page, all studies together; of more an even selection is embedded."""
@@ -23,7 +24,7 @@ POSE_SECONDS = 2.0
 
 _STATE = ("theta_1", "theta_2", "dtheta_1", "dtheta_2", "u1", "u2", "foot_x")
 _TERMS = ("jerk", "forward", "orthant")
-_SCALES = {"phase": 1.0, "forward": 1.0, "orthant": 1.0}
+_SCALES = {"phase": 1.0, "expected": 1.0, "forward": 1.0, "orthant": 1.0}
 _TICK = 0.0005
 """To which times are rounded [s]: walks of up to 16 s."""
 
@@ -62,10 +63,17 @@ def stored_walks(run: Run) -> Walks:
     }
 
 
-def packed_walk(walk: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """A walk for the page; what is paid only once, for distance and a fall, as sums."""
+def packed_walk(
+    walk: Mapping[str, np.ndarray], follower: ExpectedRunFollower | None = None
+) -> dict[str, Any]:
+    """A walk for the page; what is paid only once, for distance and a fall, as sums.
+
+    **Arguments:** `follower`, of the behaviour, where it has an expected run, which stands beside the phases.
+    """
     time = walk["t"] - walk["t"][0]
     columns = {"t": time} | {name: walk[name] for name in (*_STATE, "phase", *_TERMS)}
+    if follower is not None:
+        columns["expected"] = follower.along(time, walk["phase"].astype(int)).astype(float)
     tick = max(_TICK, float(time[-1]) / 32_000)
     paid = {name: round(float(walk[name].sum()), 4) for name in ("distance", "fall")}
     return pack(columns, _SCALES | {"t": tick}) | {"paid": paid}
@@ -99,6 +107,8 @@ def even_selection(count: int, most: int) -> list[int]:
     return sorted({round(rank) for rank in np.linspace(0, count - 1, most)})
 
 
-def baseline_walk(walks: Walks, controller: str) -> dict[str, Any] | None:
-    """The walk of the baseline controller of this name for the page, if it is stored."""
-    return packed_walk(walks[controller]) if controller in walks else None
+def baseline_walk(
+    walks: Walks, controller: str, follower: ExpectedRunFollower | None = None
+) -> dict[str, Any] | None:
+    """The walk of the baseline controller of this name for the page, if it is stored; see `packed_walk`."""
+    return packed_walk(walks[controller], follower) if controller in walks else None
