@@ -47,7 +47,7 @@ def made_up(path, trajectory, plant, behaviour):
     plan = 'name = "made-up"\nbehaviour = "its own"\nseeds = { count = 1 }\n' + plan
     experiment = parse_plan(plan, "plan", described=behaviour)
     path.mkdir()
-    folder, tables = RunFolder.begin(path, experiment, (1,), None), schemas(experiment.problem)
+    folder, tables = RunFolder.begin(path, experiment, (1,), None), schemas(experiment)
     rows = {"lane": ["all-0"] * len(trajectory.time), "which": ["last"] * len(trajectory.time)}
     columns = {"trajectories": rows | trajectory.columns()}
     columns["evaluations"] = {"lane": ["all-0"], "step": [500]} | {
