@@ -2,6 +2,9 @@
 
 from itertools import count
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -116,3 +119,12 @@ def test_the_best_policy_has_the_highest_return(make_batch):
         weights = PAPER_SETUPS[lane.setup].weights
         terms = [walk.terms[name].sum(dtype=float) for name in TERM_NAMES]
         assert np.dot(weights, terms) == pytest.approx(highest, rel=1e-5)
+
+
+def test_a_lane_that_diverged_is_kept_as_it_is(make_batch):
+    batch = make_batch(A, B)
+    nowhere = jax.tree.map(lambda leaf: leaf * jnp.nan, batch._states.networks)
+    batch._states = eqx.tree_at(lambda state: state.networks, batch._states, nowhere)
+    policy = batch.policies()[A, "last"]
+    assert np.isnan(policy.weights[0]).all()
+    assert policy.observation_names == ("theta_1", "theta_2", "dtheta_1", "dtheta_2")

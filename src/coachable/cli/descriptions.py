@@ -25,12 +25,8 @@ from coachable.foundation.data import whole_number
 from coachable.foundation.errors import CoachableError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from coachable.automata.edges_at_impact import EdgeAtImpact
-    from coachable.automata.trace import Trace
     from coachable.behaviours.behaviour import Behaviour
-    from coachable.rewards.expected_run import ExpectedRunFollower
 
 _DRAWINGS = (".svg", ".png", ".dot", ".mmd")
 
@@ -266,6 +262,7 @@ def explain(
     from coachable.automata.explanation import as_json, as_text, explain_parts
     from coachable.automata.explanation import explain as watch_trace
     from coachable.behaviours.library import find_behaviour, load_behaviour
+    from coachable.rewards.expected_run import ExpectedRunFollower
     from coachable.rewards.expected_run import as_json as run_as_json
     from coachable.rewards.expected_run import as_text as run_as_text
 
@@ -285,16 +282,6 @@ def explain(
         raise CoachableError("--dt is for a file without times, and a run has its own; leave it out")
     require_no_input(out, source, *([] if trace is None else [find_behaviour(behaviour)]))
     described = None if trace is None else load_behaviour(behaviour)
-    follower: ExpectedRunFollower | None = None
-
-    def beside(described: Behaviour, parts: Iterable[Trace]) -> Iterable[Trace]:
-        """The parts, with the expected run beside them where the description has one."""
-        nonlocal follower
-        from coachable.rewards.expected_run import ExpectedRunFollower
-
-        follower = ExpectedRunFollower.of(described)
-        return parts if follower is None else follower.following(parts)
-
     shown = None if all else whole_number(limit, "limit", CoachableError, 0)
     with Console(stderr=True).status("") as status:
         if is_run:
@@ -307,9 +294,12 @@ def explain(
             walk = recorded_walk(run, lane.setup, lane.seed, which)
             title = f"{source}, {lane.name}, {which} policy,"
             described = described or run.behaviour
-            explanation = explain_parts(described, beside(described, [walk.trace]), title, shown, out)
+            follower = ExpectedRunFollower.of(described)
+            parts = [walk.trace] if follower is None else follower.following([walk.trace])
+            explanation = explain_parts(described, parts, title, shown, out)
         else:
             described = described or load_behaviour(behaviour)
+            follower = ExpectedRunFollower.of(described)
             explanation = watch_trace(
                 described,
                 source,
@@ -317,7 +307,7 @@ def explain(
                 shown,
                 out,
                 lambda report: status.update(f"{report.samples:,} rows, up to t = {report.end:.3f} s"),
-                lambda parts: beside(described, parts),
+                *([] if follower is None else [follower.following]),
             )
     expected = None if follower is None else follower.run()
     if json:

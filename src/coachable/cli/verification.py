@@ -167,7 +167,7 @@ def _subjects(
         chosen = [] if setup is None else [opened.lane(setup, plan.first_seed).setup]
         lanes = [lane for lane in opened.lanes if not chosen or lane.setup in chosen]
         if isinstance(problem, PlantProblem) and not chosen:
-            # A controller with a memory has no passport; who names its setup is told so.
+            # A controller with a memory has no passport; naming its setup is an error in `lane_subject`.
             remembering = {each.name for each in plan.reward_setups if each.observe == "memory"}
             for name in sorted(remembering):
                 print(f"coachable: {name} is left out: it observes its expected phase", file=sys.stderr)

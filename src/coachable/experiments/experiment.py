@@ -90,7 +90,7 @@ class Experiment:
             raise PlanError(f"the setup {repeated[0]!r} is there more than once")
         if reason := self.trainer.cannot_train(self.problem):
             raise PlanError(reason)
-        self._check_deterministic()
+        self._check_rules()
         # In a Gymnasium environment half of the evaluations' seed: a lane's environments are seeded one after
         # another from a multiple of the lane's seed on.
         end = 2**31 if self.problem.in_jax else EVALUATION_SEED // 2
@@ -100,10 +100,10 @@ class Experiment:
         if lanes > _MOST_LANES:
             raise PlanError(f"setups times seeds must be at most {_MOST_LANES:,}, got {lanes:,}")
 
-    def _check_deterministic(self) -> None:
+    def _check_rules(self) -> None:
         rules = self.deterministic
         if not rules or len(set(rules)) < len(rules):
-            raise PlanError(f"deterministic = {list(rules)} must name each rule once")
+            raise PlanError(f"deterministic = {list(rules)}: name one rule, or each rule once")
         for rule in rules:
             if rule not in DETERMINISTIC:
                 hint = suggestion(str(rule), DETERMINISTIC)

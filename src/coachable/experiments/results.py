@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -19,7 +20,6 @@ from coachable.experiments.run_folder.schemas import schemas
 from coachable.experiments.run_folder.writer import RunFolder
 from coachable.experiments.trainers.trainer import TrainedLanes
 from coachable.foundation.tables import table_of
-from coachable.plants.plant import Controller
 from coachable.rewards.setup import TERM_NAMES
 
 
@@ -32,16 +32,16 @@ def roll_out_baseline(experiment: Experiment) -> tuple[dict[str, Any], Trajector
     if not isinstance(problem, PlantProblem):
         return None
     with jax.enable_x64(True):
-        of_programs = {}
+        name, controller = next(iter(problem.plant.under(problem.semantics).controllers().items()))
+        walked = {}
         for setup in experiment.reward_setups:
-            if (program := problem.program_of(setup)) not in of_programs:
-                task = problem.task(setup, box=NO_BOX)
-                name, controller = next(iter(task.plant.controllers().items()))
-                state_feedback = _of_state(controller, len(task.plant.state_names))
-                episode = jax.jit(partial(rollout, task, state_feedback))()
-                of_programs[program] = task, episode, name, summary(task, episode)
-        task, episode, name, numbers = next(iter(of_programs.values()))
-        terms = np.asarray(numbers.terms)
+            if (program := problem.program_of(setup)) not in walked:
+                # Whatever a policy observes, the baseline is a state feedback.
+                task = problem.task(replace(setup, observe="nothing"), box=NO_BOX)
+                walked[program] = task, jax.jit(partial(rollout, task, controller))()
+        terms = {program: np.asarray(summary(*walk).terms) for program, walk in walked.items()}
+        task, episode = next(iter(walked.values()))
+        numbers = summary(task, episode)
         return {
             "controller": name,
             "hip_x": float(numbers.hip_x),
@@ -49,19 +49,12 @@ def roll_out_baseline(experiment: Experiment) -> tuple[dict[str, Any], Trajector
             "length": int(numbers.length),
             "fell": bool(numbers.fell),
             "share_in_cycle": float(numbers.share_in_cycle),
-            "terms": dict(zip(TERM_NAMES, terms.tolist(), strict=True)),
+            "terms": dict(zip(TERM_NAMES, np.asarray(numbers.terms).tolist(), strict=True)),
             "returns": {
-                setup.name: float(
-                    np.dot(setup.weights, np.asarray(of_programs[problem.program_of(setup)][3].terms))
-                )
+                setup.name: float(np.dot(setup.weights, terms[problem.program_of(setup)]))
                 for setup in experiment.reward_setups
             },
         }, Trajectory.of(task, episode)
-
-
-def _of_state(controller: Controller, num_states: int) -> Controller:
-    """A controller that sees the state alone, whatever else is observed."""
-    return lambda observation: controller(observation[:num_states])
 
 
 def write_logs(folder: RunFolder, experiment: Experiment, lanes: Sequence[TrainedLanes]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -248,7 +249,9 @@ class LaneBatch:
 
     def _policy(self, networks: ActorCritic, lane: Lane) -> Policy:
         task, experiment = self._evaluation, self._experiment
-        policy = Policy(
+        about = experiment.problem.policy_description(experiment.setup(lane.setup))
+        # Not read by `Policy.of`, which refuses weights that are not finite: a lane that diverged is kept.
+        return Policy(
             weights=tuple(weight for weight, _ in networks.policy_layers),
             biases=tuple(bias for _, bias in networks.policy_layers),
             low=jnp.asarray(task.low[0], jnp.float32),
@@ -256,6 +259,7 @@ class LaneBatch:
             std=jnp.exp(networks.log_std) if task.squashing == "clip" else None,
             squashing=task.squashing,
             deterministic=experiment.deterministic[0],
+            observation_names=about["observation_names"],
+            clock=about["clock"],
+            memory=json.dumps(about["memory"], sort_keys=True) if "memory" in about else "",
         )
-        about = experiment.problem.policy_description(experiment.setup(lane.setup))
-        return Policy.of(policy.tensors(), policy.description() | about)
