@@ -29,7 +29,6 @@ from coachable.experiments.run_folder.reader import Run, open_run
 from coachable.foundation.data import parse_json, structure
 from coachable.foundation.errors import RunFolderError
 from coachable.foundation.files import read_text
-from coachable.rewards.expected_run import ExpectedRunFollower
 
 Progress = Callable[[str], None]
 """Is called with what is under way."""
@@ -113,7 +112,6 @@ class StudyReport:
     def _drawn(self, lanes: list[dict[str, Any]], most_walks: int) -> dict[str, Any]:
         """What the walkers are drawn from; the lanes whose walk is in the page get it."""
         problem = self.run.experiment.require_plant("a walk")
-        follower = ExpectedRunFollower.of(self.run.behaviour)
         by_setup = {name: [lane for lane in lanes if lane["setup"] == name] for name in self.setup_names}
         share = most_walks // max(1, len(by_setup))
         chosen = {
@@ -123,7 +121,7 @@ class StudyReport:
             for rank in even_selection(len(own), share)
         }
         for lane in lanes:
-            lane["walk"] = packed_walk(self.walks[lane["name"]], follower) if id(lane) in chosen else None
+            lane["walk"] = packed_walk(self.walks[lane["name"]], self.run) if id(lane) in chosen else None
         plant: Any = problem.plant.parameters
         return {
             "distance": "hip" if problem.distance == "hip_x" else "stance foot",
@@ -139,7 +137,7 @@ class StudyReport:
                 for phase in self.run.behaviour.phases
             ],
             "poses": packed_poses([self.walks.get(lane["name"]) for lane in lanes]),
-            "baseline": baseline_walk(self.walks, (self.run.baseline or {}).get("controller", ""), follower),
+            "baseline": baseline_walk(self.walks, (self.run.baseline or {}).get("controller", ""), self.run),
         }
 
     @property

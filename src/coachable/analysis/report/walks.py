@@ -12,7 +12,6 @@ import pyarrow.compute as pc
 from coachable.analysis.report.packing import pack
 from coachable.experiments.experiment import Experiment
 from coachable.experiments.run_folder.reader import Run
-from coachable.rewards.expected_run import ExpectedRunFollower
 
 MOST_WALKS = 128
 """Walks in a page, all studies together; of more an even selection is embedded."""
@@ -63,17 +62,15 @@ def stored_walks(run: Run) -> Walks:
     }
 
 
-def packed_walk(
-    walk: Mapping[str, np.ndarray], follower: ExpectedRunFollower | None = None
-) -> dict[str, Any]:
+def packed_walk(walk: Mapping[str, np.ndarray], run: Run | None = None) -> dict[str, Any]:
     """A walk for the page; what is paid only once, for distance and a fall, as sums.
 
-    **Arguments:** `follower`, of the behaviour, where it has an expected run, which stands beside the phases.
+    **Arguments:** `run`, whose expected run, if its behaviour has one, stands beside the phases.
     """
     time = walk["t"] - walk["t"][0]
     columns = {"t": time} | {name: walk[name] for name in (*_STATE, "phase", *_TERMS)}
-    if follower is not None:
-        columns["expected"] = follower.along(time, walk["phase"].astype(int)).astype(float)
+    if run is not None and run.follower is not None:
+        columns["expected"] = run.follower.along(time, walk["phase"].astype(int)).astype(float)
     tick = max(_TICK, float(time[-1]) / 32_000)
     paid = {name: round(float(walk[name].sum()), 4) for name in ("distance", "fall")}
     return pack(columns, _SCALES | {"t": tick}) | {"paid": paid}
@@ -107,8 +104,6 @@ def even_selection(count: int, most: int) -> list[int]:
     return sorted({round(rank) for rank in np.linspace(0, count - 1, most)})
 
 
-def baseline_walk(
-    walks: Walks, controller: str, follower: ExpectedRunFollower | None = None
-) -> dict[str, Any] | None:
+def baseline_walk(walks: Walks, controller: str, run: Run | None = None) -> dict[str, Any] | None:
     """The walk of the baseline controller of this name for the page, if it is stored; see `packed_walk`."""
-    return packed_walk(walks[controller], follower) if controller in walks else None
+    return packed_walk(walks[controller], run) if controller in walks else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,7 @@ from coachable.foundation.tables import table_from
 
 if TYPE_CHECKING:
     from coachable.learning.policy import Policy
+    from coachable.rewards.expected_run import ExpectedRunFollower
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,13 @@ class Run:
     def behaviour(self) -> Behaviour:
         """The described behaviour."""
         return self.experiment.behaviour
+
+    @cached_property
+    def follower(self) -> ExpectedRunFollower | None:
+        """What tells the expected phase beside a walk; `None` where phases of a cycle have no limit."""
+        from coachable.rewards.expected_run import ExpectedRunFollower
+
+        return ExpectedRunFollower.of(self.behaviour)
 
     @property
     def status(self) -> str:
