@@ -73,7 +73,7 @@ class _Lines:
         self._doing, self._next = "", 0.0
 
     def __call__(self, status: Status) -> None:
-        self._speed.see(status.steps)
+        self._speed.see(status)
         now = time.monotonic()
         finished = status.steps >= status.total_steps
         if status.doing == self._doing and (now < self._next or finished):
@@ -108,7 +108,7 @@ class _Display:
         self._setups: tuple[SetupStatus, ...] = ()
 
     def __call__(self, status: Status) -> None:
-        self._speed.see(status.steps)
+        self._speed.see(status)
         self._setups = status.setups
         measured = f" {status.lanes_measured} lanes" if status.lanes_measured else ""
         self._progress.update(
@@ -135,7 +135,10 @@ class _Speed:
         self._first: tuple[float, int] | None = None
         self._last: tuple[float, int] | None = None
 
-    def see(self, steps: int) -> None:
+    def see(self, status: Status) -> None:
+        if status.doing in ("compiling", "starting"):
+            return  # what was done before a resume is not known yet, and would count as done since
+        steps = status.steps
         now = (time.monotonic(), steps)
         if self._first is None or steps == self._first[1]:
             self._first = now
