@@ -58,10 +58,11 @@ def check(
     from coachable.behaviours.checking.checker import check as find
     from coachable.behaviours.library import find_behaviour
     from coachable.behaviours.text.document import read_document
+    from coachable.rewards.audit import left_open
 
     document = read_document(find_behaviour(behaviour))
     crossings = () if plant is None else _crossings(document.behaviour, plant)
-    report = find(document.behaviour)
+    report = find(document.behaviour).joined(left_open(document.behaviour))
     if json:
         findings = to_json(report, document.behaviour, behaviour, document.line_of)
         print_json(findings | ({"crossings": [one.data for one in crossings]} if plant else {}))

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -19,17 +19,23 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from coachable.automata.tracker import Memory, Move, Stay
-from coachable.behaviours.behaviour import Behaviour, Edge
+from coachable.automata.tracker import Memory, Move
+from coachable.automata.tracker import Stay as PhaseStay
+from coachable.behaviours.behaviour import Behaviour, Dwell, Edge
+from coachable.behaviours.checking.findings import Finding
 from coachable.behaviours.checking.regions import Regions
 from coachable.foundation.data import real_number
 from coachable.foundation.errors import ParameterError
+from coachable.foundation.suggestion import in_a_row
 from coachable.rewards.described_reward import DescribedReward
-from coachable.rewards.forms import RewardForm, Step
+from coachable.rewards.forms import RewardForm, Schedule, Stay, Step
 from coachable.rewards.mean_cycles import Exploit, Graph
 
 MOST_NODES = 1_000_000
 """A behaviour whose runs have more memories than that is refused."""
+
+_FEW_NODES = 20_000
+"""With no more memories, about a second, the audit is part of a check."""
 
 
 @dataclass(frozen=True)
@@ -70,12 +76,10 @@ def audit(
     reward, names = DescribedReward(behaviour, form, dt), behaviour.phase_names
     moves = possible_moves(behaviour)
     anywhere = np.ones(len(moves), bool)
-    graph = _explored(_Walker(reward), moves)
-    phase = np.eye(len(names), len(moves), dtype=bool)
-    found = [graph.best(f"stays in {name}", only) for name, only in zip(names, phase, strict=True)]
-    found += [graph.best(f"never enters {name}", ~only) for name, only in zip(names, phase, strict=True)]
+    graph = _explored(_Walker(reward), moves, MOST_NODES)
+    found = _of_phases(graph, names)
     if behaviour.cycles:
-        rounds = _explored(_Walker(reward, behaviour.cycles), moves)
+        rounds = _explored(_Walker(reward, behaviour.cycles), moves, MOST_NODES)
         found.append(rounds.best("never goes round", anywhere, rounds.goes_on))
         if slower is not None:
             found.append(rounds.best_at_rate(f"goes round in more than {slower:g} s", dt / slower, 1))
@@ -84,6 +88,44 @@ def audit(
     found.append(graph.best("anything", anywhere))
     exploits = tuple(exploit for exploit in found if exploit is not None)
     return Audit(behaviour, reward.bound_form.form, dt, exploits, len(graph.rows))
+
+
+def _of_phases(graph: Graph, names: Sequence[str]) -> list[Exploit | None]:
+    """The most that is paid for staying in each phase, and for leaving it out."""
+    phase = np.eye(len(names), len(names) + 1, dtype=bool)
+    found = [graph.best(f"stays in {name}", only) for name, only in zip(names, phase, strict=True)]
+    return found + [
+        graph.best(f"never enters {name}", ~only) for name, only in zip(names, phase, strict=True)
+    ]
+
+
+def left_open(behaviour: Behaviour) -> Iterator[Finding]:
+    """The finding of a check that says what is earned without following, where every phase has its limit.
+
+    Without limits a robot may stay anywhere, which `camping` reports. The audit is left to `coachable audit`
+    where it would take long.
+    """
+    on_cycle = {edge.source for cycle in behaviour.cycles for edge in cycle}
+    limits = [(phase.dwell or Dwell()).at_most for phase in behaviour.phases if phase.name in on_cycle]
+    if not limits or not all(map(math.isfinite, limits)):
+        return
+    earned, moves = [], possible_moves(behaviour)
+    for form in (Stay(), Schedule(skip_fine=1.0)):
+        try:
+            graph = _explored(_Walker(DescribedReward(behaviour, form, 0.01)), moves, _FEW_NODES)
+        except ParameterError:
+            return
+        found = [each for each in _of_phases(graph, behaviour.phase_names) if each is not None]
+        most = max(found, key=lambda each: each.mean)
+        earned.append(f"{most.mean:.2f} in the form `{form.name}` (it {most.kind})")
+    yield Finding(
+        "left-open",
+        "note",
+        (),
+        f"A run that does not follow earns a sample at most {in_a_row(earned)}; one that follows earns 1.",
+        "Nothing, if you train with the form `schedule`; `coachable audit` shows the rest, and the runs that "
+        "earn it.",
+    )
 
 
 def possible_moves(behaviour: Behaviour) -> Bool[np.ndarray, "previous current"]:
@@ -161,7 +203,7 @@ class _Walker:
         for stay in phase.stays:
             over = stay.absent > self._absence
             time = np.where(over, 0.0, np.minimum(stay.time, self._longest))
-            stays.append(Stay(time, stay.entered & ~over, np.where(over, math.inf, stay.absent)))
+            stays.append(PhaseStay(time, stay.entered & ~over, np.where(over, math.inf, stay.absent)))
         leaves = jax.tree.leaves((phase._replace(stays=tuple(stays)), *others))
         return np.stack([np.asarray(leaf, float) for leaf in leaves], -1).round(9)
 
@@ -196,7 +238,7 @@ class _Walker:
         return after, completed
 
 
-def _explored(walker: _Walker, moves: Bool[np.ndarray, "previous current"]) -> Graph:
+def _explored(walker: _Walker, moves: Bool[np.ndarray, "previous current"], most_nodes: int) -> Graph:
     """Every memory that a run can have, breadth first."""
     rows = walker.begin(np.arange(len(moves)))
     number = {row.tobytes(): index for index, row in enumerate(rows)}
@@ -210,9 +252,9 @@ def _explored(walker: _Walker, moves: Bool[np.ndarray, "previous current"]) -> G
         new, first = np.unique(targets, return_index=True)
         edges.append((before + done, targets, paid, ~rounds))
         done += len(frontier)
-        if len(number) > MOST_NODES:
+        if len(number) > most_nodes:
             raise ParameterError(
-                f"runs of this behaviour have more than {MOST_NODES:,} memories; give a larger dt, or "
+                f"runs of this behaviour have more than {most_nodes:,} memories; give a larger dt, or "
                 "shorter limits"
             )
         frontier = after[first[new >= count]]

@@ -85,6 +85,12 @@ class CheckReport:
             tuple(result.question for result in results if isinstance(result, Unknown)),
         )
 
+    def joined(self, findings: Iterable[Finding]) -> CheckReport:
+        """This report with further findings, gravest first."""
+        return CheckReport.of(
+            [*self.findings, *findings, *map(Proven, self.proven), *map(Unknown, self.unknown)]
+        )
+
     def count(self, severity: Severity) -> int:
         """How many findings have this severity."""
         return sum(finding.severity == severity for finding in self.findings)
