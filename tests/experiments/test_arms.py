@@ -10,8 +10,9 @@ from coachable.experiments.api import rollout as roll_out
 from coachable.experiments.plan import parse_plan
 from coachable.experiments.run_folder.schemas import schemas
 from coachable.experiments.runner import run_experiment
-from coachable.foundation.errors import ParameterError, RunFolderError
+from coachable.foundation.errors import RunFolderError
 from coachable.verification.passport.closed_loop import Subject, lane_subject
+from coachable.verification.passport.verify import verify
 
 ARMS = """
 name = "arms"
@@ -107,9 +108,14 @@ def test_returns_are_measured_against_the_baselines_under_the_same_setup(run):
     assert baseline["returns"]["seeing"] == pytest.approx(paid)
 
 
-def test_a_passport_is_about_state_feedback(run):
-    with pytest.raises(ParameterError, match="seeing-3 observes its expected phase"):
-        lane_subject(run, "seeing", SEED)
+def test_a_passport_says_what_its_controller_remembers(run):
+    subject = lane_subject(run, "seeing", SEED)
+    seeing = subject.walker
+    assert seeing.memory[0].startswith("expected ")
+    both = [lane_subject(run, "hidden", SEED), subject]
+    assert both[0].walker.memory == ()
+    hidden, seen = verify(both, "quick", None)
+    assert (hidden.walker, seen.walker) == (both[0].walker, seeing)
     subject = lane_subject(run, "hidden", SEED)
     assert isinstance(subject, Subject)
     assert (subject.walker.name, subject.walker.deterministic) == ("hidden-3", "expected-action")

@@ -166,18 +166,10 @@ def _subjects(
     if every:
         chosen = [] if setup is None else [opened.lane(setup, plan.first_seed).setup]
         lanes = [lane for lane in opened.lanes if not chosen or lane.setup in chosen]
-        if isinstance(problem, PlantProblem) and not chosen:
-            # A controller with a memory has no passport; naming its setup is an error in `lane_subject`.
-            remembering = {each.name for each in plan.reward_setups if each.observe == "memory"}
-            for name in sorted(remembering):
-                print(f"coachable: {name} is left out: it observes its expected phase", file=sys.stderr)
-            lanes = [lane for lane in lanes if lane.setup not in remembering]
     else:
         first = plan.first_seed if seed is None else seed
         lanes = [opened.lane(setup, first)]
     subjects = [lane_subject(opened, lane.setup, lane.seed, which, deterministic) for lane in lanes]
-    if not subjects:
-        raise CoachableError(f"{run}: every setup observes its expected phase; there is no state feedback")
     if not isinstance(problem, PlantProblem):
         return subjects, None
     beside = baseline_subject(

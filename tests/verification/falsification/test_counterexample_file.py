@@ -15,7 +15,7 @@ from coachable.verification.falsification.counterexample_file import (
 from coachable.verification.falsification.fall_search import Fall, SearchResult
 from coachable.verification.falsification.falsify import Counterexample, Falsification
 from coachable.verification.falsification.perturbation import HeldTorques
-from coachable.verification.falsification.resimulation import numpy_controller, resimulate
+from coachable.verification.falsification.resimulation import resimulate
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +25,7 @@ def found():
     plant = CompassWalker()
     point = np.linspace(-1, 0.5, pushes.size(plant))
     starts, torques = pushes.at(plant, point[None])
-    none = numpy_controller(NoTorque(2))
-    walk = resimulate(plant.restated(), none, starts[0], torques[0], "free", 5.0)
+    walk = resimulate(plant.restated(), NoTorque(2), starts[0], torques[0], "free", 5.0)
     fall = Fall("cma-es", point, walk.seconds)
     search = SearchResult("cma-es", 16, -0.8, 3, (fall,))
     one = Counterexample(fall, starts[0], torques[0], walk)

@@ -158,7 +158,7 @@ def test_the_margin_is_at_most_zero_exactly_where_the_walker_falls(clock):
     np.testing.assert_allclose(time[~fell], 3.0, atol=0.01)
 
     for x0, push, its_time, it_fell in zip(starts[:6], pushes, time, fell, strict=False):
-        again = resimulate(WALKER.restated(), numpy_controller(controller), x0, push, clock, 3.0)
+        again = resimulate(WALKER.restated(), controller, x0, push, clock, 3.0)
         assert again.fell == it_fell
         assert again.seconds == pytest.approx(its_time, abs=1e-7)
 
@@ -170,9 +170,7 @@ def test_scipy_walks_the_tasks_steps():
         task = make_task(PAPER_SETUPS["sparse"], clock=clock, seconds=2.0, box=NO_BOX)
         steps = jax.jit(lambda task=task: rollout(task, controller))()
         alive = np.asarray(steps.alive)
-        walk = resimulate(
-            WALKER.restated(), numpy_controller(controller), np.array(START), np.zeros((1, 2)), clock, 2.0
-        )
+        walk = resimulate(WALKER.restated(), controller, np.array(START), np.zeros((1, 2)), clock, 2.0)
         np.testing.assert_allclose(walk.time[1:], np.asarray(steps.timesteps.time)[alive], atol=1e-9)
         np.testing.assert_allclose(walk.states[1:], np.asarray(steps.timesteps.observation)[alive], atol=1e-6)
         np.testing.assert_allclose(walk.foot_x[1:], np.asarray(steps.timesteps.foot_x)[alive], atol=1e-7)

@@ -30,10 +30,12 @@ def walk_through(*locations):
         time=0.01 * np.arange(len(x)),
         x=x,
         control=np.zeros((len(x) - 1, 2)),
+        memory=np.zeros((len(x), 0)),
         touchdown_time=nothing,
         touchdown_foot=nothing,
         touchdown_work=nothing,
         section=np.zeros((0, 3)),
+        section_memory=np.zeros((0, 0)),
         outcome=Outcome.WALKING,
     )
 

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from coachable.plants.plant import Controller, Plant
-from coachable.plants.sampled import Clock, Sampling, sampled_walk
+from coachable.plants.sampled import Clock, Sampling
+from coachable.verification.gait.closed_loop import ClosedLoop
 
 
 class Endurance(eqx.Module):
@@ -55,19 +56,21 @@ def endurance(
     sampling = Sampling(clock)
     one, count = jnp.ones((), x0.dtype), jnp.zeros((), jnp.int32)
 
-    def control(x, memory, _):
+    def disturb(wanted, memory, _):
         steps, _ = memory
         push = jnp.where(steps < len(disturbance), disturbance.at[steps].get(mode="clip"), 0)
-        return controller(x) + push, memory
+        return wanted + push, memory
 
-    def observe(step, memory):
+    def observe(step, _recall, memory):
         steps, nearest = memory
         nearest = _nearer(plant, nearest, step.moved.x, step.touched)
         ended = step.fell | step.time_is_up(seconds, sampling)
         return (steps + 1, nearest), (step.time, step.fell), ended
 
     memory = (count, _Nearest(one, one, one, 0 * one))
-    (_, nearest), (time, fell), _ = sampled_walk(plant, sampling, control, x0, observe, None, memory=memory)
+    (_, nearest), (time, fell), _ = ClosedLoop(plant, controller).walk(
+        sampling, x0, observe, None, memory=memory, disturb=disturb
+    )
     up = nearest.height * nearest.pace * nearest.clearance
     return Endurance(jnp.where(fell, jnp.minimum(time / seconds - 1, 0), up), time, fell)
 

@@ -103,7 +103,7 @@ def falsify(
     or a controller of which no fall could be confirmed.
     """
     require_cma()
-    restated, control_at = plant.restated(), numpy_controller(controller)
+    restated, _ = plant.restated(), numpy_controller(controller)
     if restated is None:
         raise ParameterError(
             f"{plant.name} has no second statement for SciPy, so no fall of it could be confirmed; "
@@ -123,7 +123,7 @@ def falsify(
     counterexamples, unconfirmed = [], []
     for fall in found[: _TRIES * keep]:
         starts, disturbances = perturbation.at(plant, fall.point[None])
-        walk = resimulate(restated, control_at, starts[0], disturbances[0], clock, seconds)
+        walk = resimulate(restated, controller, starts[0], disturbances[0], clock, seconds)
         if walk.fell:
             counterexamples.append(Counterexample(fall, starts[0], disturbances[0], walk))
         else:

@@ -22,6 +22,7 @@ from coachable.learning.policy import Policy
 from coachable.plants.controllers import ConstantTorque, NoTorque
 from coachable.plants.restated import Control, Restated, RestatedEvent, State
 from coachable.plants.sampled import Clock
+from coachable.verification.controller_memory import ControllerMemory, Remembered
 from coachable.verification.falsification.perturbation import CONTROL_DT
 
 _LOOKS = 16
@@ -52,7 +53,7 @@ class Resimulation:
 
 def resimulate(
     plant: Restated,
-    control_at: Callable[[State], Control],
+    controller: object,
     x0: State,
     disturbance: Float[np.ndarray, "steps control"],
     clock: Clock,
@@ -60,17 +61,18 @@ def resimulate(
 ) -> Resimulation:
     """Walk from x0 until the plant falls or the time is over, in float64.
 
-    **Arguments:** `plant`, its second statement; `control_at`, a controller as `numpy_controller` gives it;
+    **Arguments:** `plant`, its second statement; `controller`, as `numpy_controller` takes it;
     `disturbance`, what is added to its controls in the first control steps; `clock`, whether an event that
     restarts the clock ends the control step; `seconds`, how long to walk.
     """
+    control_at, memory = numpy_controller(controller), _Recall.of(controller)
     x, foot_x, time, in_a_row, fell = np.asarray(x0, float), 0.0, 0.0, 0, False
     rows: list[tuple[float, State, Control, float]] = []
     full_steps, time_in_others = 0, 0.0
     nothing = np.zeros(disturbance.shape[1])
     while not fell and time < seconds - 1e-3 * CONTROL_DT:
         push = disturbance[len(rows)] if len(rows) < len(disturbance) else nothing
-        control = control_at(x) + push
+        control = control_at(x if memory is None else memory.beside(x, time)) + push
         rows.append((time, x, control, foot_x))
         left, cut, others = CONTROL_DT, False, 0
         last: RestatedEvent | None = None
@@ -97,12 +99,15 @@ def resimulate(
 
 
 def numpy_controller(controller: object) -> Callable[[State], Control]:
-    """A learned policy or a controller that is written down as a function x ↦ u in NumPy and float64.
+    """A learned policy or a controller that is written down as a function in NumPy and float64.
+
+    It takes what the controller observes: x, and of a policy with a memory what it shows.
 
     **Raises:** `ParameterError` for a controller without such a form.
     """
     match controller:
         case Policy():
+            _Recall.of(controller)
             return _numpy_policy(controller)
         case ConstantTorque(torque=torque):
             return lambda x: np.array(torque)
@@ -135,6 +140,42 @@ def _numpy_policy(policy: Policy) -> Callable[[State], Control]:
         return low + (high - low) * (np.tanh(out) + 1) / 2
 
     return control
+
+
+class _Recall:
+    """What a policy remembers along one walk, and observes behind the state."""
+
+    def __init__(self, memory: ControllerMemory, rows: list[int]):
+        self._memory, self._rows = memory, rows
+        self._now: Remembered | None = None
+        self._time = 0.0
+
+    @staticmethod
+    def of(controller: object) -> _Recall | None:
+        """Before the walk's first sample; `None` of a state feedback.
+
+        **Raises:** `ParameterError` where phases are not written in the state's coordinates alone.
+        """
+        memory = ControllerMemory.of(controller)
+        if memory is None or not isinstance(controller, Policy):
+            return None
+        names = controller.observation_names
+        if missing := [name for name in memory.signal_names if name not in names]:
+            raise ParameterError(
+                f"the policy's phases are written in {missing[0]!r}, which is no coordinate of the state, so "
+                "no fall of it could be confirmed without JAX"
+            )
+        return _Recall(memory, [names.index(name) for name in memory.signal_names])
+
+    def beside(self, x: State, time: float) -> Float[np.ndarray, " observation"]:
+        """The observation at the next sample."""
+        signals = x[self._rows]
+        if self._now is None:
+            self._now = self._memory.begun(signals)
+        else:
+            self._now = self._memory.after(self._now, signals, time - self._time)
+        self._time = time
+        return np.append(x, self._memory.shown(self._now, signals))
 
 
 def _mean_excess(z: Control) -> Control:

@@ -38,10 +38,11 @@ Kind = Literal["periodic", "wandering", "none"]
 class FixedPoint:
     """A zero of Pᵏ(y) − y, or where Newton's method gave up."""
 
-    y: Float[np.ndarray, " section"]
+    y: Float[np.ndarray, " point"]
+    """See `ClosedLoop.point`."""
     residual: float
     """Largest component of |Pᵏ(y) − y|; NaN where the plant falls."""
-    jacobian: Float[np.ndarray, "section section"]
+    jacobian: Float[np.ndarray, "point point"]
     """DPᵏ(y)."""
     strides: tuple[Stride, ...]
     """The k steps that start at y."""
@@ -55,14 +56,14 @@ class FixedPoint:
 def fixed_point(loop: ClosedLoop, guess: Sequence[float] | np.ndarray, num_steps: int = 1) -> FixedPoint:
     """Newton's method for Pᵏ(y) = y under the touchdown clock, with the derivative of `linearised`.
 
-    Arguments: guess, a point of the section near the fixed point; num_steps, k. To be called under
+    Arguments: guess, a point of the return map near the fixed point; num_steps, k. To be called under
     `jax.enable_x64(True)`; nothing is raised, `found` says whether it converged.
     """
     return fixed_points(stacked([loop]), np.array([guess]), np.array([num_steps]))[0]
 
 
 def fixed_points(
-    loops: ClosedLoop, guesses: Float[np.ndarray, "walkers section"], num_steps: Int[np.ndarray, " walkers"]
+    loops: ClosedLoop, guesses: Float[np.ndarray, "walkers point"], num_steps: Int[np.ndarray, " walkers"]
 ) -> list[FixedPoint]:
     """`fixed_point` of stacked loops, side by side, each with its guess and its k."""
     at = np.array(guesses, np.float64)
@@ -83,13 +84,11 @@ def fixed_points(
 
 def follow(
     loops: ClosedLoop,
-    points: Float[np.ndarray, "walkers section"],
+    points: Float[np.ndarray, "walkers point"],
     num_steps: Int[np.ndarray, " walkers"],
     refinement: int = 1,
-) -> tuple[
-    Float[np.ndarray, "walkers section"], Float[np.ndarray, "walkers section section"], list[list[Stride]]
-]:
-    """Pᵏ and DPᵏ at each walker's point of the section, and the strides on the way; NaN after a fall."""
+) -> tuple[Float[np.ndarray, "walkers point"], Float[np.ndarray, "walkers point point"], list[list[Stride]]]:
+    """Pᵏ and DPᵏ at each walker's point of the return map, and the strides on the way; NaN after a fall."""
     y = np.array(points, np.float64)
     jacobians = np.tile(np.eye(y.shape[1]), (len(y), 1, 1))
     steps: list[list[Stride]] = [[] for _ in y]
@@ -105,8 +104,8 @@ def follow(
 
 @eqx.filter_jit
 def _strides(
-    loops: ClosedLoop, points: Float[Array, "walkers section"], refinement: Int[Array, ""]
-) -> tuple[Stride, Float[Array, "walkers section section"]]:
+    loops: ClosedLoop, points: Float[Array, "walkers point"], refinement: Int[Array, ""]
+) -> tuple[Stride, Float[Array, "walkers point point"]]:
     # The one program behind orbits and multipliers: what is built on it is done in NumPy, since nested loops
     # of derivatives take XLA a minute to compile.
     return eqx.filter_vmap(lambda loop, y: linearised(loop, y, refinement))(loops, points)
@@ -138,6 +137,9 @@ class Orbit:
     """∫ Σ |τ ω| dt / (weight · d), d the distance walked meanwhile; NaN where the plant has no power."""
     residual: float
     """|Pᵏ(y) − y| of a periodic orbit under the touchdown clock, else NaN."""
+    memories: tuple[tuple[float, ...], ...] = ()
+    """What the controller remembers at each of the points of a periodic orbit under the touchdown clock, as
+    `ClosedLoop.numbers`; none of a state feedback."""
 
     @property
     def speed(self) -> float:
@@ -155,7 +157,7 @@ def find_orbits(loops: ClosedLoop, walks: Sequence[SampledWalk], clock: Clock) -
     lasts = [walk.section[-_LAST:] for walk in walks]
     if clock == "free":
         return [_free_orbit(loops, walk, last) for walk, last in zip(walks, lasts, strict=True)]
-    guesses = np.stack([last[-1] if len(last) else np.full(last.shape[1], np.nan) for last in lasts])
+    guesses = last_points(walks)
     some_walk = any(walk.up for walk in walks)  # else nothing needs to be compiled
     found = {k: fixed_points(loops, guesses, np.full(len(walks), k)) for k in PERIODS if some_walk}
     orbits = []
@@ -165,24 +167,32 @@ def find_orbits(loops: ClosedLoop, walks: Sequence[SampledWalk], clock: Clock) -
         if k is None:
             orbits.append(_unsettled(loops, walk, last, clock))
             continue
-        mine = candidates[k]
+        mine, size = candidates[k], last.shape[1]
+        points = np.stack([mine.y, *(step.y for step in mine.strides[:-1])])
         length = float(sum(step.length for step in mine.strides))
         orbits.append(
             Orbit(
                 clock=clock,
                 kind="periodic",
                 num_steps=k,
-                points=_points(np.stack([mine.y, *(step.y for step in mine.strides[:-1])])),
-                wander=(0.0,) * mine.y.size,
+                points=_points(points[:, :size]),
+                wander=(0.0,) * size,
                 period=float(np.mean([step.time for step in mine.strides])),
                 step_length=length / k,
                 cost_of_transport=_cost_of_transport(
                     loops, float(sum(step.work for step in mine.strides)), length
                 ),
                 residual=mine.residual,
+                memories=_points(points[:, size:]) if points.shape[1] > size else (),
             )
         )
     return orbits
+
+
+def last_points(walks: Sequence[SampledWalk], back: int = 1) -> Float[np.ndarray, "walkers point"]:
+    """Of the return map, where each walk's last touchdown was, or an earlier one; NaN without it."""
+    points = [np.hstack([walk.section, walk.section_memory]) for walk in walks]
+    return np.stack([one[-back] if len(one) >= back else np.full(one.shape[1], np.nan) for one in points])
 
 
 def _period(walk: SampledWalk, last: np.ndarray, candidates: dict[int, FixedPoint]) -> int | None:
@@ -193,7 +203,7 @@ def _period(walk: SampledWalk, last: np.ndarray, candidates: dict[int, FixedPoin
         if np.max(np.abs(last[k:] - last[:-k])) <= _SETTLED and candidates[k].found:
             return k
     for k, candidate in candidates.items():
-        distance = np.max(np.abs(last[::-1][::k] - candidate.y), axis=1)  # latest first
+        distance = np.max(np.abs(last[::-1][::k] - candidate.y[: last.shape[1]]), axis=1)  # latest first
         approaches = candidate.found and distance[0] <= _NEARER * distance[-1]
         if approaches and np.max(np.abs(np.linalg.eigvals(candidate.jacobian))) < 1:
             return k

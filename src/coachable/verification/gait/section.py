@@ -11,8 +11,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from coachable.plants.plant import Plant
 from coachable.plants.runge_kutta import rk4
-from coachable.plants.sampled import Sampling, sampled_walk
-from coachable.verification.gait.closed_loop import ClosedLoop
+from coachable.plants.sampled import Sampling
+from coachable.verification.gait.closed_loop import ClosedLoop, Recall
 
 LONGEST_STRIDE = 300
 """A plant that does not touch down within so many control steps takes no further step."""
@@ -21,8 +21,8 @@ LONGEST_STRIDE = 300
 class Stride(eqx.Module):
     """What happened from a state to the next touchdown."""
 
-    y: Float[Array, " section"]
-    """The point of the section right after the impact."""
+    y: Float[Array, " point"]
+    """The `ClosedLoop.point` right after the impact: of a state feedback, a point of the section."""
     time: Float[Array, ""]
     """How long it took [s]."""
     length: Float[Array, ""]
@@ -43,23 +43,21 @@ def states_at(plant: Plant, points: Float[np.ndarray, "points section"]) -> Floa
         return np.asarray(jax.vmap(plant.from_section)(jnp.asarray(points, jnp.float64)))
 
 
-def stride(loop: ClosedLoop, x: Float[Array, " state"]) -> Stride:
+def stride(loop: ClosedLoop, x: Float[Array, " state"], recall: Recall) -> Stride:
     """Walk from a state to right after the next touchdown, the clock starting at 0."""
     sampling = Sampling("touchdown", loop.control_dt, loop.num_substeps)
-    nothing = jnp.zeros((len(loop.plant.control_names),), x.dtype)
 
-    def control(x, samples, _):
-        return (loop.metered_control(x) if loop.hold == "sampled" else nothing), samples
-
-    def observe(step, samples):
+    def observe(step, recall, samples):
         samples = samples + 1
-        return samples, step, step.touched | step.fell | (samples >= LONGEST_STRIDE)
+        return samples, (step, recall), step.touched | step.fell | (samples >= LONGEST_STRIDE)
 
     start, count = jnp.append(x, jnp.zeros((), x.dtype)), jnp.zeros((), jnp.int32)
-    samples, last, _ = sampled_walk(loop.metered, sampling, control, start, observe, None, memory=count)
+    samples, (last, recall), _ = loop.walk(
+        sampling, start, observe, None, recall=recall, memory=count, dynamics=loop.metered
+    )
     x, work = last.moved.x[:-1], last.moved.x[-1]
     return Stride(
-        y=loop.plant.to_section(x),
+        y=loop.point(x, recall),
         time=last.time,
         length=last.moved.foot_x,
         work=work,
@@ -70,9 +68,9 @@ def stride(loop: ClosedLoop, x: Float[Array, " state"]) -> Stride:
 
 
 def linearised(
-    loop: ClosedLoop, y: Float[Array, " section"], refinement: Int[Array, ""] | int = 1
-) -> tuple[Stride, Float[Array, "section section"]]:
-    """A stride from a point of the section and DP(y), by autodiff through the touchdown and the impact.
+    loop: ClosedLoop, y: Float[Array, " point"], refinement: Int[Array, ""] | int = 1
+) -> tuple[Stride, Float[Array, "point point"]]:
+    """A stride from a point of the return map and DP(y), by autodiff through the touchdown and the impact.
 
     The stride is taken once to learn when the foot comes down, then replayed on fixed steps up to that time
     τ, which counts as a constant but for one differentiated Newton step τ − g / ġ: so the derivative holds
@@ -80,7 +78,7 @@ def linearised(
 
     Arguments: refinement, into how many each of the replay's integration steps is cut, 1 or 2.
     """
-    taken = stride(loop, loop.plant.from_section(y))
+    taken = stride(loop, *loop.at_point(y))
     touchdown, *others = loop.plant.events
     if others:
         # The fixed steps of the replay would pass the other events by.
@@ -92,16 +90,19 @@ def linearised(
     num_substeps = loop.num_substeps * refinement
 
     def replayed(y):
-        x = lax.fori_loop(0, taken.num_samples - 1, lambda _, x: held(x), loop.plant.from_section(y))
-        control = loop.controller(x)
+        x, recall = lax.fori_loop(0, taken.num_samples - 1, lambda _, now: held(*now), loop.at_point(y))
+        control = loop.wanted(x, recall)
         end = run(x, control, taken.last_sample)
         velocity = lax.stop_gradient(flow(end, control))
         guard, slope = jax.jvp(touchdown.guard, (end,), (velocity,))
         tau = taken.last_sample - guard / lax.stop_gradient(slope)
-        return loop.plant.to_section(touchdown.reset(run(x, control, tau)))
+        landed = touchdown.reset(run(x, control, tau))
+        return loop.point(landed, loop.after(recall, landed, tau))
 
-    def held(x):
-        return run(x, loop.controller(x), jnp.asarray(loop.control_dt, x.dtype))
+    def held(x, recall):
+        dt = jnp.asarray(loop.control_dt, x.dtype)
+        x = run(x, loop.wanted(x, recall), dt)
+        return x, loop.after(recall, x, dt)
 
     def run(x, control, duration):
         h = duration / num_substeps
@@ -114,6 +115,6 @@ def linearised(
     return taken, jnp.where(taken.landed, jacobian, jnp.nan)
 
 
-def _through_all(loop: ClosedLoop, y: Float[Array, " section"]) -> Float[Array, "section section"]:
+def _through_all(loop: ClosedLoop, y: Float[Array, " point"]) -> Float[Array, "point point"]:
     """DP(y) by forward differentiation of the stride itself, through every event that it passes."""
-    return jax.jacfwd(lambda y: stride(loop, loop.plant.from_section(y)).y)(y)
+    return jax.jacfwd(lambda y: stride(loop, *loop.at_point(y)).y)(y)

@@ -1,14 +1,14 @@
 """Floquet multipliers of a periodic orbit, with what is known of their error, and the kinks near it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from coachable.learning.policy import Policy
 from coachable.verification.gait.closed_loop import ClosedLoop
@@ -31,7 +31,11 @@ _Kinks = tuple[int, tuple[int, ...], float | None, float | None]
 
 @dataclass(frozen=True)
 class Stability:
-    """The multipliers of Pᵏ at a periodic orbit of k steps under the touchdown clock."""
+    """The multipliers of Pᵏ at a periodic orbit of k steps under the touchdown clock.
+
+    Where the controller has a memory, P maps what it remembers, too. Its real numbers, such as the time since
+    a phase is expected, have multipliers like the state's; phases are the same after the period.
+    """
 
     multipliers: tuple[complex, ...]
     """Eigenvalues of DPᵏ, largest modulus first."""
@@ -90,12 +94,17 @@ def stabilities(loops: ClosedLoop, orbits: Sequence[Orbit]) -> list[Stability | 
     periods = np.array([orbit.num_steps for orbit in orbits])
     if not periods.any():
         return [None] * len(orbits)
-    dimension = len(loops.plant.section_names)
-    points = np.array([orbit.points[0] if orbit.num_steps else (np.nan,) * dimension for orbit in orbits])
+    size, real = len(loops.plant.section_names), loops.continuous
+    points = np.full((len(orbits), len(real)), np.nan)
+    for lane, orbit in enumerate(orbits):
+        if orbit.num_steps:
+            points[lane] = (*orbit.points[0], *(orbit.memories[0] if orbit.memories else ()))
     _, coarse, _ = follow(loops, points, periods)
     _, fine, _ = follow(loops, points, periods, refinement=2)
     differences = _central_differences(loops, points, periods)
-    walks = settle(loops, states_at(loops.plant, points), "touchdown")
+    fine, coarse, differences = (each[:, real][:, :, real] for each in (fine, coarse, differences))
+    starts = states_at(loops.plant, points[:, :size])
+    walks = settle(loops, starts, "touchdown", memories=points[:, size:])
     return [
         None
         if not orbit.num_steps
@@ -110,7 +119,7 @@ def stabilities(loops: ClosedLoop, orbits: Sequence[Orbit]) -> list[Stability | 
 
 
 def multipliers_with_errors(
-    jacobian: Float[np.ndarray, "section section"], change: float
+    jacobian: Float[np.ndarray, "point point"], change: float
 ) -> tuple[tuple[complex, ...], tuple[float, ...]]:
     """Eigenvalues, largest first, and how far each may be off if the matrix is off by `change` in ‖·‖₂."""
     values, vectors = np.linalg.eig(jacobian)
@@ -153,7 +162,7 @@ def _kinks(loop: ClosedLoop, orbit: Orbit, walk: SampledWalk) -> _Kinks:
     sample_margin = float(np.min(np.minimum(rest, loop.control_dt - rest)))
     if not (isinstance(loop.controller, Policy) and loop.controller.clips):
         return int(taken.sum()), none_clipped, None, sample_margin
-    wanted = np.asarray(jax.vmap(without_bounds(loop.controller))(jnp.asarray(walk.x[taken])))
+    wanted = wanted_without_bounds(loop, walk, taken)
     low, high = np.asarray(loop.controller.low), np.asarray(loop.controller.high)
     clipped = ((wanted < low) | (wanted > high)).sum(axis=0)
     margin = np.minimum(np.abs(wanted - low), np.abs(wanted - high))
@@ -167,9 +176,21 @@ def without_bounds(policy: Policy) -> Policy:
     )
 
 
+def wanted_without_bounds(
+    loop: ClosedLoop, walk: SampledWalk, rows: Bool[np.ndarray, " samples"]
+) -> Float[np.ndarray, "rows control"]:
+    """What a clipped policy asks for in some rows of a walk, before its controls are clipped."""
+    bare = replace(loop, controller=without_bounds(cast(Policy, loop.controller)))
+
+    def wanted(x, memory):
+        return bare.wanted(x, bare.recalled(memory, x))
+
+    return np.asarray(jax.vmap(wanted)(jnp.asarray(walk.x[rows]), jnp.asarray(walk.memory[rows])))
+
+
 def _central_differences(
-    loops: ClosedLoop, points: Float[np.ndarray, "walkers section"], periods: Int[np.ndarray, " walkers"]
-) -> Float[np.ndarray, "walkers section section"]:
+    loops: ClosedLoop, points: Float[np.ndarray, "walkers point"], periods: Int[np.ndarray, " walkers"]
+) -> Float[np.ndarray, "walkers point point"]:
     def mapped(points):
         return follow(loops, points, periods)[0]
 

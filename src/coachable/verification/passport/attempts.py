@@ -18,7 +18,7 @@ from coachable.verification.falsification.episode_falls import (
 )
 from coachable.verification.falsification.falsify import Falsification, search_for_falls
 from coachable.verification.passport.closed_loop import EpisodeSubject, Subject
-from coachable.verification.passport.passport import Certified, FallSearch, Passport
+from coachable.verification.passport.passport import Certified, FallSearch, Passport, Walker
 
 FALL_BUDGET = 1_000
 """Walks of each search for a fall."""
@@ -122,14 +122,13 @@ def certificate_path(folder: Path, name: str) -> Path:
     return run_of(folder) / "certificates" / f"{name}.json"
 
 
-def no_certificate(obstacle: str) -> Certified:
+def no_certificate(walker: Walker, obstacle: str) -> Certified:
     """That no proof was tried, and why: what keeps the walker from a stable gait, if anything does."""
-    reason = (
-        f"not tried: with the clock that restarts at touchdown {obstacle}"
-        if obstacle
-        else "not tried: certificates are for the semantics `paper`"
-    )
-    return not_certified(reason)
+    if obstacle:
+        return not_certified(f"not tried: with the clock that restarts at touchdown {obstacle}")
+    if walker.memory:
+        return not_certified("not tried: the controller has a memory, and certificates are of state feedback")
+    return not_certified("not tried: certificates are for the semantics `paper`")
 
 
 def not_certified(reason: str) -> Certified:

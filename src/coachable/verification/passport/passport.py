@@ -43,6 +43,8 @@ class Walker:
     """The id of its Gymnasium environment; `None` for a plant."""
     deterministic: Deterministic = "clipped-mean"
     """What a policy does when it does not explore."""
+    memory: tuple[str, ...] = ()
+    """What a policy of a plant observes behind the state; empty of a state feedback."""
 
     @property
     def no_section(self) -> str | None:
@@ -136,10 +138,11 @@ class Passport:
 
     @property
     def certifiable(self) -> bool:
-        """Whether there is a periodic, stable orbit with the touchdown clock, by the paper's rules."""
+        """Whether it is a state feedback with a periodic, stable orbit with the touchdown clock, by the
+        paper's rules."""
         stable = self.stability is not None and self.stability.verdict == "stable"
         periodic = self.orbits is not None and self.orbits.touchdown.kind == "periodic"
-        return stable and periodic and self.walker.semantics == "paper"
+        return stable and periodic and self.walker.semantics == "paper" and not self.walker.memory
 
     @property
     def walks(self) -> bool:

@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from coachable.foundation.files import write_atomic
+from coachable.foundation.suggestion import in_a_row
 from coachable.verification.labels import (
     actuators,
     control_unit,
@@ -58,6 +59,11 @@ def print_passport(passport: Passport, plant: Plant | None, console: Console) ->
     parts: list[object] = [
         Text(f"{walker.name}: {passport.verdict}", style="bold"),
         Text(f"{about}, level {passport.level}", style="dim"),
+        *(
+            [Text(f"a controller with a memory: observes {in_a_row(walker.memory)}, too", style="dim")]
+            if walker.memory
+            else []
+        ),
         *_section("adherence", _adherence(passport.adherence)),
     ]
     if walker.no_section is not None:

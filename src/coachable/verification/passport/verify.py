@@ -78,11 +78,10 @@ def verify(
 ) -> list[Passport]:
     """The passports of walkers, in their order; written into a folder as soon as each is made.
 
-    Arguments: subjects, of one plant class, whose controllers are of one kind, or of one run in a Gymnasium
-    environment; level, how much is measured;
-    folder, where passports and their pictures go, if anywhere; baseline, what stands beside them in the table
-    of pushes; certify, whether to try to prove that a box around the gait returns into itself, for five
-    minutes at most.
+    Arguments: subjects, of one plant class, or of one run in a Gymnasium environment; level, how much is
+    measured; folder, where passports and their pictures go, if anywhere; baseline, what stands beside them in
+    the table of pushes; certify, whether to try to prove that a box around the gait returns into itself, for
+    five minutes at most.
 
     **Raises:** `MissingExtraError` for what needs the [verify] extra without it; `ParameterError` for a plant
     without coordinates on its touchdown section.
@@ -120,8 +119,9 @@ def _verify_plants(
     if not subjects:
         return []
     beside = _pushes_of(baseline) if baseline is not None and level == "full" else None
-    width = min(GROUP, len(subjects))
-    groups = [subjects[first : first + width] for first in range(0, len(subjects), width)]
+    kinds = _by_kind(subjects)
+    width = min(GROUP, max(map(len, kinds)))
+    groups = [kind[first : first + width] for kind in kinds for first in range(0, len(kind), width)]
     stopped = threading.Event()
 
     def unless_stopped(name: str, share: float) -> None:
@@ -151,7 +151,21 @@ def _verify_plants(
             stopped.set()  # what is under way ends at its next chunk of starts
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-    return [passport for index in range(len(groups)) for passport in done[index]]
+    made = {
+        subject: passport
+        for index, group in enumerate(groups)
+        for subject, passport in zip(group, done[index], strict=True)
+    }
+    return [made[subject] for subject in subjects]
+
+
+def _by_kind(subjects: Sequence[Subject]) -> list[list[Subject]]:
+    """The subjects whose closed loops can be stacked, together: controllers of one shape and one memory."""
+    kinds: dict[object, list[Subject]] = {}
+    for subject in subjects:
+        leaves, structure = jax.tree.flatten(subject.loop)
+        kinds.setdefault((structure, tuple(map(np.shape, leaves))), []).append(subject)
+    return list(kinds.values())
 
 
 def _check_section(plant: Plant) -> None:
@@ -209,7 +223,7 @@ def _verify_group(group: Sequence[Subject], job: _Job) -> list[Passport]:
         if job.certify and passport.certifiable:
             passport = _with_certificate(passport, subject, job)
         elif job.certify:
-            passport = replace(passport, certificate=no_certificate(why_not[lane]))
+            passport = replace(passport, certificate=no_certificate(subject.walker, why_not[lane]))
         passports.append(_written(passport, job.folder, subject.behaviour))
     return passports
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from coachable.foundation.suggestion import in_a_row
 from coachable.learning.policy import Policy
 from coachable.verification.gait.closed_loop import ClosedLoop
-from coachable.verification.gait.orbit import FixedPoint, Orbit, fixed_points
-from coachable.verification.gait.stability import Stability, without_bounds
+from coachable.verification.gait.orbit import FixedPoint, Orbit, fixed_points, last_points
+from coachable.verification.gait.stability import Stability, wanted_without_bounds
 from coachable.verification.gait.walk import SampledWalk
 from coachable.verification.labels import actuators
 
@@ -76,12 +75,7 @@ def _gaits_near(loops: ClosedLoop, walks: Sequence[SampledWalk]) -> list[FixedPo
     best: list[FixedPoint | None] = [None] * len(walks)
     sizes = [np.inf] * len(walks)
     for back in range(1, _GUESSES + 1):
-        guesses = np.stack(
-            [
-                walk.section[-back] if len(walk.section) >= back else np.full(walk.section.shape[1], np.nan)
-                for walk in walks
-            ]
-        )
+        guesses = last_points(walks, back)
         for lane, found in enumerate(fixed_points(loops, guesses, np.ones(len(walks), int))):
             if found.found and (size := np.max(np.abs(np.linalg.eigvals(found.jacobian)))) < sizes[lane]:
                 best[lane], sizes[lane] = found, size
@@ -92,8 +86,8 @@ def _clipping(loop: ClosedLoop, walk: SampledWalk) -> list[str]:
     """How much of the walk's end a clipped policy spends at its bounds, where it feeds nothing back."""
     if not (isinstance(loop.controller, Policy) and loop.controller.clips):
         return []
-    states = walk.x[:-1][walk.time[:-1] > walk.seconds - _LAST_SECONDS]
-    wanted = np.asarray(jax.vmap(without_bounds(loop.controller))(jnp.asarray(states)))
+    late = np.append(walk.time[:-1] > walk.seconds - _LAST_SECONDS, False)
+    wanted = wanted_without_bounds(loop, walk, late)
     beyond = (wanted < np.asarray(loop.controller.low)) | (wanted > np.asarray(loop.controller.high))
     names = actuators(loop.plant)
     if beyond.all():

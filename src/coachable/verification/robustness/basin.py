@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from coachable.experiments.layout import num_cores
 from coachable.plants.plant import Plant
-from coachable.plants.sampled import Clock, Sampling, sampled_walk, undisturbed
+from coachable.plants.sampled import Clock, Sampling
 from coachable.verification.gait.closed_loop import ClosedLoop
 from coachable.verification.gait.section import states_at
 from coachable.verification.proportion import Proportion
@@ -109,7 +109,7 @@ def _try(
     plant, sampling = loop.plant, Sampling(clock, loop.control_dt, chatter=loop.chatter)
 
     def walk(x0):
-        def observe(step, memory):
+        def observe(step, _recall, memory):
             y, _, touched = memory
             y = jnp.where(step.touched, plant.to_section(step.moved.segment_x), y)
             over = step.fell | step.time_is_up(SECONDS, sampling)
@@ -117,7 +117,6 @@ def _try(
 
         no = jnp.zeros((), bool)
         memory = (jnp.zeros(len(plant.section_names), x0.dtype), no, no)
-        control, num_steps = undisturbed(loop.controller), sampling.num_steps(SECONDS)
-        return sampled_walk(plant, sampling, control, x0, observe, num_steps, memory=memory)[0]
+        return loop.walk(sampling, x0, observe, sampling.num_steps(SECONDS), memory=memory)[0]
 
     return lax.map(walk, starts, batch_size=_AT_ONCE)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from coachable.plants.plant import Plant
-from coachable.plants.sampled import Clock, Sampling, sampled_walk
+from coachable.plants.sampled import Clock, Sampling
 from coachable.verification.gait.closed_loop import ClosedLoop
 
 
@@ -45,30 +45,28 @@ def seconds_up(
     seconds: float,
 ) -> Float[Array, ""]:
     """How long the plant stays up from a point of the section, of so many seconds [s]."""
-    plant = loop.plant.disturbed(disturbance.changes)
-    sampling = Sampling(clock, loop.control_dt, chatter=loop.chatter)
     x0 = loop.plant.placed(loop.plant.from_section(y), disturbance.changes) + disturbance.kick
+    sampling = Sampling(clock, loop.control_dt, chatter=loop.chatter)
 
-    def control(x, memory, key):
+    def disturb(wanted, memory, key):
         wanted_before, time = memory
-        wanted = loop.controller(x)
         held = jnp.where(disturbance.delay, wanted_before, wanted)
-        noise = disturbance.noise * jax.random.normal(key, wanted.shape, x.dtype)
+        noise = disturbance.noise * jax.random.normal(key, wanted.shape, x0.dtype)
         return held + noise, (wanted, time)
 
-    def observe(step, memory):
+    def observe(step, _recall, memory):
         wanted, _ = memory
         return (wanted, step.time), None, step.fell | step.time_is_up(seconds, sampling)
 
     num_steps = sampling.num_steps(seconds)
-    (_, time), _, _ = sampled_walk(
-        plant,
+    (_, time), _, _ = loop.walk(
         sampling,
-        control,
         x0,
         observe,
         num_steps,
-        memory=(loop.controller(x0), jnp.zeros((), y.dtype)),
+        memory=(loop.wanted(x0, loop.begun(x0)), jnp.zeros((), y.dtype)),
         inputs=jax.random.split(key, num_steps),
+        disturb=disturb,
+        dynamics=loop.plant.disturbed(disturbance.changes),
     )
     return time
