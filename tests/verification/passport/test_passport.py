@@ -1,5 +1,6 @@
 """A passport comes back from its file as it was, and a damaged one is refused with what is wrong."""
 
+import csv
 import io
 import json
 from dataclasses import replace
@@ -141,3 +142,6 @@ def test_one_is_told_as_one_and_many_as_many(tmp_path):
     told = (tmp_path / "summary.md").read_text(encoding="utf-8")
     assert "Of 2 walkers, with the free clock 0 repeat themselves" in told
     assert "Of the 2 that are up, 2 complete a described cycle" in told
+    row, _ = csv.DictReader((tmp_path / "walkers.csv").read_text(encoding="utf-8").splitlines())
+    assert (row["walker"], row["up"]) == (one.walker.name, "True")
+    assert float(row["multiplier_of_a_step"]) == pytest.approx(one.stability.largest, rel=1e-5)

@@ -23,6 +23,7 @@ from coachable.verification.labels import (
     section_units,
     with_units,
 )
+from coachable.verification.passport.walkers_table import walkers_csv
 from coachable.verification.proportion import Proportion
 from coachable.verification.robustness.basin import SECONDS, Basin
 from coachable.verification.robustness.pushes import ENOUGH
@@ -120,13 +121,17 @@ def print_summary(passports: Sequence[Passport], console: Console) -> None:
 
 
 def write_summary(passports: Sequence[Passport], folder: Path) -> None:
-    """Write the same table beside the passports: as `summary.md`, and as `summary.json` for the report."""
+    """Write the same table beside the passports: as `summary.md`, and as `summary.json` for the report.
+
+    Beside it lies `walkers.csv`, a row a walker.
+    """
     header, *rows = _summary(passports)
     ruled = [header, ["---"] + ["---:"] * (len(header) - 1), *rows]
     lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in ruled]
     note = "\n\n".join([_legend(passports), *_counts(passports)])
     write_atomic(folder / "summary.md", f"# {_TITLE}\n\n" + "\n".join(lines) + f"\n\n{note}\n")
     data = {"title": _TITLE, "header": header, "rows": rows, "note": note}
+    write_atomic(folder / "walkers.csv", walkers_csv(passports))
     write_atomic(folder / "summary.json", json.dumps(data, indent=2, ensure_ascii=False) + "\n")
 
 
