@@ -5,12 +5,19 @@ from itertools import pairwise
 
 import jax
 import jax.numpy as jnp
+import jaxtyping
 import numpy as np
 import pytest
 
+import coachable as co
+from coachable.behaviours import load_behaviour
 from coachable.foundation.errors import MissingExtraError
 from coachable.learning.onnx_graph import onnx_bytes
 from coachable.learning.policy import Policy
+from coachable.plants.compass import STATE_NAMES
+from coachable.rewards.controller_memory import memory_data
+from coachable.rewards.described_reward import DescribedReward
+from coachable.rewards.forms import Schedule
 
 onnxruntime = pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'coachable[dev]'")
 
@@ -62,3 +69,39 @@ def test_without_the_package_it_says_which_extra_is_missing(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "onnx", None)
     with pytest.raises(MissingExtraError, match=r"coachable\[onnx\]"):
         onnx_bytes(some_policy("tanh", "clip", False))
+
+
+@pytest.mark.parametrize("clock", ["free", "touchdown"])
+def test_a_policy_with_a_memory_takes_it_along(clock, monkeypatch):
+    behaviour = load_behaviour("compass-walking-timed")
+    reward = DescribedReward(behaviour, Schedule(1.0), 0.01)
+    rng, seen = np.random.default_rng(1), len(reward.observation_names)
+    policy = Policy(
+        (
+            jnp.asarray(rng.normal(0, 0.5, (8, 4 + seen)), jnp.float32),
+            jnp.asarray(rng.normal(0, 0.5, (2, 8)), jnp.float32),
+        ),
+        (jnp.zeros(8), jnp.array([-1.35, -0.18])),
+        jnp.array([-2.0, -2.0]),
+        jnp.array([0.0, 0.0]),
+        observation_names=(*STATE_NAMES, *reward.observation_names),
+        memory=json.dumps(memory_data(reward)),
+    )
+    walk = co.rollout(policy, 1.0, clock=clock)
+    states = np.stack([walk.states[name] for name in STATE_NAMES], axis=1).astype(np.float32)
+    asked = np.stack([walk.controls[name] for name in walk.controls], axis=1)
+    with monkeypatch.context() as patch:
+        # A graph's arrays have sizes with names, which annotations are not checked against.
+        patch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+        session = onnxruntime.InferenceSession(onnx_bytes(policy))
+    assert [end.name for end in session.get_outputs()] == ["action", "memory_after"]
+    assert json.loads(session.get_modelmeta().custom_metadata_map["signals"]) == list(STATE_NAMES)
+    memory = np.zeros((1, session.get_inputs()[-1].shape[1]), np.float32)
+    actions = []
+    for row, elapsed in enumerate(np.diff(walk.time, prepend=0.0)[:-1]):
+        given = {"observation": states[row, None], "signals": states[row, None], "memory": memory}
+        given |= {"elapsed": np.array([elapsed], np.float32), "begins": np.array([row == 0])}
+        action, memory = session.run(None, given)
+        actions.append(action[0])
+    np.testing.assert_allclose(actions, asked[:-1], atol=1e-5)
+    assert np.ptp(actions, axis=0).max() > 0.05

@@ -5,13 +5,13 @@ from __future__ import annotations
 import abc
 import json
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar
 
 import gymnasium
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.text.printer import to_text
 from coachable.envs.behaviour_reward import BehaviourReward
 from coachable.envs.gymnasium_env import PlantEnv
 from coachable.envs.own_reward import OwnReward
@@ -24,6 +24,8 @@ from coachable.foundation.errors import MissingExtraError, PlanError
 from coachable.foundation.suggestion import suggestion
 from coachable.plants.named import name_of
 from coachable.plants.plant import Plant
+from coachable.rewards.controller_memory import memory_data
+from coachable.rewards.described_reward import DescribedReward
 from coachable.rewards.forms import RewardForm, form_from_data
 from coachable.rewards.reward_hash import hash_of_paid, reward_hash
 from coachable.rewards.setup import DescribedSetup, RewardSetup, Semantics
@@ -161,10 +163,9 @@ class PlantProblem(Problem):
         """What the policy observes, and the clock that it is sampled by."""
         seen, memory = self.plant.state_names, {}
         if setup.observe == "memory":
-            form = self.form_of(setup)
-            seen += form.bind(self.behaviour, WalkingTask.control_dt).observation_names
-            data = {"behaviour": to_text(self.behaviour), "reward_variant": form.to_data()}
-            memory = {"memory": data}
+            reward = DescribedReward(self.behaviour, self.form_of(setup), WalkingTask.control_dt)
+            seen += reward.observation_names
+            memory = {"memory": memory_data(reward)}
         return {"observation_names": seen, "clock": self.clock, **memory}
 
     def reward_hash(self, setup: RewardSetup) -> str:
@@ -248,6 +249,13 @@ class EnvironmentProblem(Problem):
             on_nan=self.on_nan,
             observe=setup.observe,
         )
+
+    def policy_description(self, setup: DescribedSetup) -> dict[str, Any]:
+        """What the policy remembers, if it observes that."""
+        if setup.observe == "nothing":
+            return {}
+        with closing(self.environment(setup)) as env:
+            return {"memory": memory_data(env.behaviour_reward)}
 
     @property
     def signal_sources(self) -> SignalSources | None:

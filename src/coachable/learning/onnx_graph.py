@@ -4,28 +4,96 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 
 from coachable.foundation.errors import MissingExtraError
 from coachable.learning.policy import Policy
+from coachable.rewards.controller_memory import ControllerMemory
 
 OPSET = 17
+OPSET_OF_MEMORY = 21
+"""The least that the package which writes a memory's graph knows of."""
 
 
 def onnx_bytes(policy: Policy) -> bytes:
     """The policy as an ONNX model: `observation`, float32 (batch, n) → `action`, float32 (batch, m).
 
-    Observations are not normalised and actions are within the policy's box: both are part of the graph. What
-    else describes the policy is in the model's metadata as `description`, JSON.
+    Observations are not normalised and actions are within the policy's box: both are part of the graph. A
+    policy that observes more than the robot has its memory in the graph, too, and takes besides
 
-    **Raises:** `MissingExtraError` without the package onnx.
+    - `signals`, float32 (batch, k): what its behaviour is written in, in the order of `signals` in the
+      metadata, in the behaviour's units;
+    - `elapsed`, float32 (batch,): the time since the sample before [s];
+    - `begins`, bool (batch,): whether it is the first sample; nothing is remembered then;
+    - `memory`, float32 (batch, numbers): `memory_after`, a further output, of the sample before.
+
+    What else describes the policy is in the model's metadata as `description`, JSON.
+
+    **Raises:** `MissingExtraError` without the packages of the extra [onnx].
     """
     try:
-        from onnx import TensorProto, checker, helper, numpy_helper
+        from onnx import checker, helper
     except ImportError:
         raise MissingExtraError("an ONNX file", "onnx") from None
+    memory = ControllerMemory.of(policy)
+    model = _network(policy, OPSET) if memory is None else _with_memory(policy, memory)
+    signals = {} if memory is None else {"signals": json.dumps(memory.signal_names)}
+    helper.set_model_props(model, {"description": json.dumps(policy.description()), **signals})
+    checker.check_model(model)
+    return model.SerializeToString()
+
+
+def _with_memory(policy: Policy, memory: ControllerMemory) -> Any:
+    """The memory's graph with the network's behind it."""
+    try:
+        import ndonnx as ndx
+    except ImportError:
+        raise MissingExtraError("the ONNX file of a policy with a memory", "onnx") from None
+    from onnx import compose, version_converter
+
+    size = policy.weights[0].shape[1] - len(memory.form.observation_names)
+    observation, signals, before = (
+        ndx.argument(shape=("batch", columns), dtype=ndx.float32)
+        for columns in (size, len(memory.signal_names), len(memory.real))
+    )
+    elapsed = ndx.argument(shape=("batch",), dtype=ndx.float32)
+    begins = ndx.argument(shape=("batch",), dtype=ndx.bool)
+    later = memory.after(memory.recalled(before), signals, elapsed)
+    now = ndx.where(
+        begins[:, None], memory.numbers(memory.begun(signals), signals), memory.numbers(later, signals)
+    )
+    seen = ndx.concat([observation, memory.shown(memory.recalled(now), signals)], axis=1)
+    graph = ndx.build(
+        {
+            "observation": observation,
+            "signals": signals,
+            "elapsed": elapsed,
+            "begins": begins,
+            "memory": before,
+        },
+        {"seen": seen, "memory_after": now},
+    )
+    graph = version_converter.convert_version(graph, OPSET_OF_MEMORY)
+    network = compose.add_prefix(_network(policy, OPSET_OF_MEMORY), "network/")
+    network.ir_version = graph.ir_version
+    model = compose.merge_models(graph, network, io_map=[("seen", "network/observation")])
+    for node in model.graph.node:
+        node.output[:] = ["action" if name == "network/action" else name for name in node.output]
+    after, action = model.graph.output
+    action.name = "action"
+    ends = [deepcopy(action), deepcopy(after)]
+    del model.graph.output[:], model.opset_import[1:]
+    model.graph.output.extend(ends)
+    return model
+
+
+def _network(policy: Policy, opset: int) -> Any:
+    """The network's graph: `observation` → `action`."""
+    from onnx import TensorProto, helper, numpy_helper
+
     constants, nodes = {}, []
     last = "observation"
 
@@ -69,13 +137,11 @@ def onnx_bytes(policy: Policy) -> bytes:
     ]
     weights = [numpy_helper.from_array(value, name) for name, value in constants.items()]
     graph = helper.make_graph(nodes, "policy", ends[:1], ends[1:], weights)
-    operations = [helper.make_opsetid("", OPSET)]
+    operations = [helper.make_opsetid("", opset)]
     model = helper.make_model(graph, producer_name="coachable", opset_imports=operations)
     # onnxruntime lags behind the newest format; this one has all that the operations need.
     model.ir_version = 8
-    helper.set_model_props(model, {"description": json.dumps(policy.description())})
-    checker.check_model(model)
-    return model.SerializeToString()
+    return model
 
 
 def _expected_action(

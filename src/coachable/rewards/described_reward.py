@@ -16,7 +16,7 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.foundation.data import real_number
 from coachable.foundation.errors import ParameterError
 from coachable.rewards.forms import BoundForm, RewardForm, Step, form_of
-from coachable.rewards.forms.form import OUTSIDE, beside
+from coachable.rewards.forms.form import OUTSIDE, entry
 
 
 class RewardMemory(NamedTuple):
@@ -169,7 +169,7 @@ class DescribedReward:
         info = StepInfo(
             phase=move.location,
             follows=payment.follows,
-            edge=beside(self._edges, move.location)[move.previous, move.location],
+            edge=entry(self._edges, move.previous, move.location),
             too_short=no if move.too_short is None else move.too_short,
             too_long=no if move.too_long is None else move.too_long,
             cycles=sum(completed, start=move.location * 0),
@@ -188,7 +188,7 @@ class DescribedReward:
         self, form: tuple, location: Int[Any, "*batch"], zero: Float[Any, "*batch"]
     ) -> Float[Any, "*batch numbers"]:
         """The same for what the form remembers, and the location."""
-        return array_library(zero).stack(self.bound_form.observe(form, location, zero), -1)
+        return array_library(zero).stack(self.bound_form.observe(form, location, zero), axis=-1)
 
     @property
     def observation_names(self) -> tuple[str, ...]:

@@ -112,7 +112,7 @@ def test_numbers_are_all_that_is_remembered(x64):
     loop = ClosedLoop(CompassWalker(), LISTENS)
     x = jnp.asarray(START)
     recall = loop.after(loop.begun(x), x, jnp.asarray(0.01))
-    again = loop.recalled(loop.numbers(recall, x) + 1e-6, x)
+    again = loop.recalled(loop.numbers(recall, x) + 1e-6)
     for one, two in zip(jax.tree.leaves(recall), jax.tree.leaves(again), strict=True):
         assert one.dtype == two.dtype
         np.testing.assert_allclose(one, two, atol=2e-6)

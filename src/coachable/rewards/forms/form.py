@@ -136,16 +136,19 @@ class BoundForm(abc.ABC):
         return tuple(where(location == k, zero + 1, zero) for k in range(len(self.behaviour.phases) + 1))
 
 
-def beside(table: np.ndarray, like: Any, dtype: Any = None) -> Any:
-    """A table in the library of an array, and in torch on its device, so that it can be looked up there.
+def entry(table: np.ndarray, *at: Int[Any, "*batch"], dtype: Any = None) -> Any:
+    """The entries of a table at indices, one for each axis, in their library, and in torch on their device.
 
     **Arguments:** `dtype`: of that library, by default the table's own.
     """
-    xp = array_library(like)
+    xp = array_library(at[0])
     if xp is np:
-        return table if dtype is None else table.astype(dtype)
-    return (
-        xp.asarray(table, dtype=dtype, device=like.device)
-        if xp.__name__ == "torch"
-        else xp.asarray(table, dtype=dtype)
-    )
+        return (table if dtype is None else table.astype(dtype))[at]
+    where = {"device": at[0].device} if xp.__name__ == "torch" else {}
+    if xp.__name__ in ("torch", "jax.numpy"):
+        return xp.asarray(table, dtype=dtype, **where)[at]
+    # Not all that keep the array API standard look up by arrays of indices, but all of them take.
+    flat = at[0]
+    for size, index in zip(table.shape[1:], at[1:], strict=True):
+        flat = flat * size + index
+    return xp.take(xp.asarray(table.ravel(), dtype=dtype), xp.astype(flat, xp.int64), axis=0)

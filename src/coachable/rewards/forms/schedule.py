@@ -18,7 +18,7 @@ from coachable.behaviours.behaviour import Behaviour, Dwell
 from coachable.foundation.data import plain, real_number
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import in_a_row, suggestion
-from coachable.rewards.forms.form import BoundForm, Payment, RewardForm, Step, beside
+from coachable.rewards.forms.form import BoundForm, Payment, RewardForm, Step, entry
 
 
 class Expected(NamedTuple):
@@ -120,7 +120,7 @@ class BoundSchedule(BoundForm):
     def init(self, location: Int[Any, "*batch"], zero: Float[Any, "*batch"]) -> Expected:
         """In the phase in which a run begins, if it is one that an expected run begins with."""
         none = location * 0 + len(self.behaviour.phases)
-        begins = beside(self.first_phases, location)[location]
+        begins = entry(self.first_phases, location)
         return Expected(array_library(zero).where(begins, location, none), zero, begins)
 
     def pay(self, memory: tuple, step: Step) -> tuple[Expected, Payment]:
@@ -128,22 +128,22 @@ class BoundSchedule(BoundForm):
         (e, c, visited), q, zero = memory, step.move.location, step.zero
         none = len(self.behaviour.phases)
         where, dtype = array_library(zero).where, zero.dtype
-        at_least = beside(self._at_least, q, dtype)[e]
-        at_most = beside(self._at_most, q, dtype)[e]
+        at_least = entry(self._at_least, e, dtype=dtype)
+        at_most = entry(self._at_most, e, dtype=dtype)
         tolerance = CLOCK_TOLERANCE * self.dt
 
         time = c + step.elapsed
-        begins = (e == none) & beside(self.first_phases, q)[q]
-        robot_leads = beside(self._leads, q)[e, q] & (time >= at_least - tolerance)
+        begins = (e == none) & entry(self.first_phases, q)
+        robot_leads = entry(self._leads, e, q) & (time >= at_least - tolerance)
         schedule_leads = ~robot_leads & (time >= at_most - tolerance)
         charged = robot_leads & ~visited & (at_most < math.inf) & (at_most > time)
         left = where(charged, at_most - time, zero)
 
         expected = where(
-            begins | robot_leads, q, where(schedule_leads, beside(self._onward, q, e.dtype)[e], e)
+            begins | robot_leads, q, where(schedule_leads, entry(self._onward, e, dtype=e.dtype), e)
         )
         begun = begins | robot_leads | schedule_leads
-        time = where(begun, zero, where(time < beside(self._longest, q, dtype)[e], time, c))
+        time = where(begun, zero, where(time < entry(self._longest, e, dtype=dtype), time, c))
         in_step = (q == expected) & (q != none)
         after = Expected(expected, time, (visited & ~begun) | in_step)
         terms = {
@@ -170,7 +170,7 @@ class BoundSchedule(BoundForm):
     ) -> tuple[Float[Any, "*batch"], ...]:
         """Those numbers; all are 0 while no phase is expected."""
         (e, c, visited), where = memory, array_library(zero).where
-        share = c / beside(np.maximum(self._at_most, self.dt), e, zero.dtype)[e]
+        share = c / entry(np.maximum(self._at_most, self.dt), e, dtype=zero.dtype)
         return (
             *(where(e == k, zero + 1, zero) for k in range(len(self.behaviour.phases))),
             where(share < 1, share, zero + 1),

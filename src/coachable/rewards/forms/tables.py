@@ -18,7 +18,7 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.foundation.data import plain, real_number
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.suggestion import suggestion
-from coachable.rewards.forms.form import BoundForm, Payment, RewardForm, Step, beside
+from coachable.rewards.forms.form import BoundForm, Payment, RewardForm, Step, entry
 
 Variant = Literal["stay", "equation", "released"]
 
@@ -144,7 +144,7 @@ class BoundTable(BoundForm):
 
     def r_or(self, move: Move) -> Int8[Any, "*batch"]:
         """r_or(𝒪(x_t), 𝒪(x_{t−1})), eq. (r_or): ±1 by the table; a violated dwell time pays −1."""
-        paid = beside(self.table, move.location)[move.previous, move.location]
+        paid = entry(self.table, move.previous, move.location)
         if move.too_short is None or move.too_long is None or not self.judges_dwells:
             return paid
         return array_library(paid).where(move.too_short | move.too_long, -1, paid)

@@ -22,7 +22,7 @@ from coachable.learning.policy import Policy
 from coachable.plants.controllers import ConstantTorque, NoTorque
 from coachable.plants.restated import Control, Restated, RestatedEvent, State
 from coachable.plants.sampled import Clock
-from coachable.verification.controller_memory import ControllerMemory, Remembered
+from coachable.rewards.controller_memory import ControllerMemory, Remembered
 from coachable.verification.falsification.perturbation import CONTROL_DT
 
 _LOOKS = 16

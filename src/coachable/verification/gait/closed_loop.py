@@ -13,7 +13,7 @@ from coachable.plants.event_search import PAPER_CHATTER, ChatterRule
 from coachable.plants.metered import Metered
 from coachable.plants.plant import Controller, Dynamics, Plant
 from coachable.plants.sampled import SampledStep, Sampling, sampled_walk
-from coachable.verification.controller_memory import ControllerMemory, Remembered
+from coachable.rewards.controller_memory import ControllerMemory, Remembered
 
 Hold = Literal["sampled", "continuous"]
 
@@ -127,31 +127,23 @@ class ClosedLoop(eqx.Module):
         """The inverse of `point`."""
         size = len(self.plant.section_names)
         x = self.plant.from_section(point[:size])
-        return x, self.recalled(point[size:], x)
+        return x, self.recalled(point[size:])
 
     def numbers(self, recall: Recall, x: Float[Array, " state"]) -> Float[Array, " memory"]:
         """All that is remembered as numbers, in the dtype of a state."""
-        leaves = [jnp.asarray(leaf).astype(x.dtype) for leaf in jax.tree.leaves(recall)]
-        return jnp.stack(leaves) if leaves else jnp.zeros(0, x.dtype)
+        if self.memory is None or not isinstance(recall, Remembered):
+            return jnp.zeros(0, x.dtype)
+        return self.memory.numbers(recall, x)
 
-    def recalled(self, numbers: Float[Array, " memory"], x: Float[Array, " state"]) -> Recall:
+    def recalled(self, numbers: Float[Array, " memory"]) -> Recall:
         """The inverse of `numbers`; what is whole or true or false is rounded to it."""
-        leaves, structure = jax.tree.flatten(jax.eval_shape(self.begun, x))
-        given = [
-            number if jnp.issubdtype(leaf.dtype, jnp.floating) else jnp.round(number).astype(leaf.dtype)
-            for number, leaf in zip(numbers, leaves, strict=True)
-        ]
-        return jax.tree.unflatten(structure, given)
+        return () if self.memory is None else self.memory.recalled(numbers)
 
     @property
     def continuous(self) -> Bool[np.ndarray, " point"]:
         """Which coordinates of a point are real numbers; the others are phases, or true or false."""
-        x = jax.ShapeDtypeStruct((len(self.plant.state_names),), jnp.float32)
-        kinds = [
-            jnp.issubdtype(leaf.dtype, jnp.floating)
-            for leaf in jax.tree.leaves(jax.eval_shape(self.begun, x))
-        ]
-        return np.array([True] * len(self.plant.section_names) + kinds)
+        section = np.ones(len(self.plant.section_names), bool)
+        return section if self.memory is None else np.append(section, self.memory.real)
 
 
 def stacked(loops: Sequence[ClosedLoop]) -> ClosedLoop:

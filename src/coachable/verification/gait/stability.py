@@ -183,7 +183,7 @@ def wanted_without_bounds(
     bare = replace(loop, controller=without_bounds(cast(Policy, loop.controller)))
 
     def wanted(x, memory):
-        return bare.wanted(x, bare.recalled(memory, x))
+        return bare.wanted(x, bare.recalled(memory))
 
     return np.asarray(jax.vmap(wanted)(jnp.asarray(walk.x[rows]), jnp.asarray(walk.memory[rows])))
 

@@ -67,7 +67,7 @@ def sample_walk(
         )
         return nothing, sample, step.fell | step.time_is_up(seconds, sampling)
 
-    start, recall = jnp.append(x0, jnp.zeros((), x0.dtype)), loop.recalled(memory, x0)
+    start, recall = jnp.append(x0, jnp.zeros((), x0.dtype)), loop.recalled(memory)
     num_steps = sampling.num_steps(seconds)
     _, samples, alive = loop.walk(sampling, start, observe, num_steps, recall=recall, dynamics=loop.metered)
     assert alive is not None, "samples are recorded"
