@@ -170,9 +170,14 @@ def test_processes_that_are_just_beginning_leave_ctrl_c_to_the_one_that_started_
 
 
 @pytest.mark.parametrize("masks", [True, False])
-def test_a_ctrl_c_while_a_process_is_starting_waits_until_that_can_be_stopped(tmp_path, monkeypatch, masks):
+def test_a_ctrl_c_while_a_process_is_starting_waits_until_that_can_be_stopped(
+    tmp_path, monkeypatch, request, masks
+):
     if not masks:  # as on Windows
         monkeypatch.delattr(signal, "pthread_sigmask")
+    # A shell that starts the tests in its background has Ctrl-C ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
     start, started = SpawnProcess.start, []
 
     def interrupted(process):
