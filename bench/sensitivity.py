@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 
 from coachable.analysis.intervals import Estimate, estimate, mean, std
 from coachable.analysis.measurements import Measurements, SetupRuns, measure
+from coachable.analysis.sections import steps, with_interval
 from coachable.experiments.run_folder.reader import open_run
 from coachable.foundation.style import HAIRLINE, INK, STANCE, drawing, save
 
@@ -60,17 +61,17 @@ def markdown(found: Sequence[Arm]) -> str:
             "final distance [m]",
             "its spread [m]",
             "up after 100 s",
-            "steps to the baseline [k]",
+            "steps to the baseline",
             "pass it",
         ),
         ("---", *["---:"] * 5),
         *(
             (
                 arm.name,
-                _text(arm.final),
-                _text(arm.spread),
+                with_interval(arm.final),
+                with_interval(arm.spread),
                 f"{arm.num_up} of {arm.num_runs}",
-                _text(arm.steps_to_baseline, 1e-3, 0),
+                with_interval(arm.steps_to_baseline, steps),
                 f"{arm.num_passing} of {arm.num_runs}",
             )
             for arm in found
@@ -145,11 +146,6 @@ def _dots(axes: Axes, places: Sequence[float], found: Sequence[Estimate]) -> Non
 
 def _scaled(one: Estimate, factor: float) -> Estimate:
     return Estimate(one.value * factor, one.low * factor, one.high * factor)
-
-
-def _text(one: Estimate, factor: float = 1.0, digits: int = 2) -> str:
-    value, low, high = (f"{factor * number:.{digits}f}" for number in (one.value, one.low, one.high))
-    return f"{value} [{low}, {high}]"
 
 
 if __name__ == "__main__":

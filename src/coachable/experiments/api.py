@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,6 @@ from typing import Any
 import jax
 
 from coachable.behaviours.behaviour import Behaviour
-from coachable.behaviours.text.parser import parse
 from coachable.envs.rollout import Trajectory
 from coachable.envs.rollout import rollout as roll_out
 from coachable.envs.walking_task import NO_BOX, make_task
@@ -22,6 +20,7 @@ from coachable.foundation.data import real_number
 from coachable.foundation.errors import ParameterError
 from coachable.plants.plant import Controller, Plant
 from coachable.plants.sampled import Clock
+from coachable.rewards.controller_memory import ControllerMemory
 from coachable.rewards.setup import PAPER_SETUPS, Semantics
 
 
@@ -74,11 +73,10 @@ def rollout(
     weights.
     """
     real_number(seconds, "seconds", ParameterError, least=0.01, most=100_000)
-    setup, memory = PAPER_SETUPS["sparse"], getattr(controller, "memory", "")
-    if memory:
-        described = json.loads(memory)
-        behaviour = behaviour or parse(described["behaviour"])
-        setup = replace(setup, observe="memory", reward_variant=described["reward_variant"])
+    setup, memory = PAPER_SETUPS["sparse"], ControllerMemory.of(controller)
+    if memory is not None:
+        behaviour = behaviour or memory.form.behaviour
+        setup = replace(setup, observe="memory", reward_variant=memory.form.form.to_data())
     task = make_task(
         setup,
         semantics,

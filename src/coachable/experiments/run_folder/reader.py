@@ -85,7 +85,7 @@ class Run:
 
     @cached_property
     def follower(self) -> ExpectedRunFollower | None:
-        """What tells the expected phase beside a walk; `None` where phases of a cycle have no limit."""
+        """Follows the expected run along a walk; `None` where a phase on a cycle has no limit."""
         from coachable.rewards.expected_run import ExpectedRunFollower
 
         return ExpectedRunFollower.of(self.behaviour)

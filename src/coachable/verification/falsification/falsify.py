@@ -103,7 +103,8 @@ def falsify(
     or a controller of which no fall could be confirmed.
     """
     require_cma()
-    restated, _ = plant.restated(), numpy_controller(controller)
+    restated = plant.restated()
+    numpy_controller(controller)  # refuses, before the search, one that SciPy could not walk with
     if restated is None:
         raise ParameterError(
             f"{plant.name} has no second statement for SciPy, so no fall of it could be confirmed; "
