@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from coachable.experiments.run_folder.checkpoint import arrays_of, load_arrays, save_arrays, tree_from
+from coachable.experiments.run_folder.checkpoint import load_arrays, save_arrays
+from coachable.foundation.trees import arrays_of, tree_from
 from coachable.foundation.errors import RunFolderError
 
 TREE = {

@@ -11,7 +11,7 @@ import pytest
 from coachable.experiments import survival
 from coachable.experiments.experiment import Lane
 from coachable.experiments.plan import load_plan, with_options
-from coachable.experiments.run_folder.checkpoint import arrays_of
+from coachable.foundation.trees import arrays_of
 from coachable.experiments.trainers import compiled
 from coachable.experiments.trainers.lane_batch import LaneBatch
 from coachable.experiments.trainers.workers import take_turns

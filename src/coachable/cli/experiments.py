@@ -40,9 +40,9 @@ def train(
         str | None,
         option(
             "NAME",
-            "ppo is ours and trains plants; sb3-ppo, sb3-sac and sb3-td3 are stable-baselines3's and need "
+            "ppo is ours; sb3-ppo, sb3-sac and sb3-td3 are stable-baselines3's and need "
             "the [sb3] extra; MODULE:CLASS is one of yours.",
-            otherwise="ppo; for an --env sb3-ppo",
+            otherwise="ppo",
         ),
     ] = None,
     settings: Annotated[

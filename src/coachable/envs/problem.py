@@ -216,8 +216,9 @@ class EnvironmentProblem(Problem):
         """`distance`: how far `x_position` in the infos moved."""
         return "distance"
 
-    def environment(self, setup: DescribedSetup, render_mode: str | None = None) -> BehaviourReward:
-        """The environment with the described reward around it.
+    def environment(self, setup: DescribedSetup, render_mode: str | None = None) -> gymnasium.Env:
+        """The environment with the described reward around it; its observations are a row of numbers, if
+        they can be.
 
         **Raises:** `PlanError` if there is no such environment, or it cannot be made with these options, and
         what `BehaviourReward` raises.
@@ -237,7 +238,7 @@ class EnvironmentProblem(Problem):
             given = ", ".join(f"{name} = {value!r}" for name, value in options.items())
             given = f" with {given} (env_options)" if given else ""
             raise PlanError(f"{self.env!r} cannot be made{given}: {type(error).__name__}: {error}") from error
-        return BehaviourReward(
+        described = BehaviourReward(
             OwnReward(env, setup.terms),
             self.behaviour,
             signals=self.signal_sources,
@@ -249,13 +250,18 @@ class EnvironmentProblem(Problem):
             on_nan=self.on_nan,
             observe=setup.observe,
         )
+        space = described.observation_space
+        is_row = isinstance(space, gymnasium.spaces.Box) and len(space.shape) == 1
+        if is_row or not space.is_np_flattenable:
+            return described
+        return gymnasium.wrappers.FlattenObservation(described)
 
     def policy_description(self, setup: DescribedSetup) -> dict[str, Any]:
         """What the policy remembers, if it observes that."""
         if setup.observe == "nothing":
             return {}
         with closing(self.environment(setup)) as env:
-            return {"memory": memory_data(env.behaviour_reward)}
+            return {"memory": memory_data(env.get_wrapper_attr("behaviour_reward"))}
 
     @property
     def signal_sources(self) -> SignalSources | None:

@@ -15,6 +15,7 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import SHIPPED, load_behaviour
 from coachable.envs.problem import EnvironmentProblem, PlantProblem, Problem, Setup
 from coachable.experiments.experiment import Experiment
+from coachable.experiments.trainers.environment_ppo import EnvironmentPPO
 from coachable.experiments.trainers.ppo import PPO
 from coachable.experiments.trainers.stable_baselines3 import Algorithm, StableBaselines3
 from coachable.experiments.trainers.trainer import Trainer
@@ -22,7 +23,7 @@ from coachable.foundation.data import parse_json, parse_toml, real_number, struc
 from coachable.foundation.errors import CoachableError, ParameterError, PlanError
 from coachable.foundation.files import read_text
 from coachable.foundation.suggestion import suggestion
-from coachable.learning.config import PPOConfig
+from coachable.learning.config import EnvironmentPPOConfig, PPOConfig
 from coachable.plants.named import parameters_type, plant_class
 from coachable.rewards.forms import form_from_data
 from coachable.rewards.setup import PAPER_SETUPS, DescribedSetup, RewardSetup
@@ -86,7 +87,7 @@ _DEFAULTS_OF_ENVIRONMENTS = {
     "steps": 1_000_000,
     "evaluate_every": 20_000,
     "count": 1,
-    "trainer": "sb3-ppo",
+    "trainer": "ppo",
     "evaluation_episodes": 5,
 }
 
@@ -251,7 +252,9 @@ def _resolved(
     if compass_walker:
         defaults["count"] = 1
     seeds = structure_given(_Seeds, given.get("seeds", {}), sources, PlanError, "seeds")
-    trainer = _trainer(given.get("trainer", defaults["trainer"]), given, sources)
+    if not of_plant and given.get("sb3"):
+        defaults["trainer"] = "sb3-ppo"
+    trainer = _trainer(given.get("trainer", defaults["trainer"]), given, sources, of_plant=of_plant)
     problem, described_by = (_plant_problem if of_plant else _environment_problem)(given, sources, described)
     setup_type = RewardSetup if of_plant else DescribedSetup
     setups: tuple[Setup, ...] = (DescribedSetup(name="both"),)
@@ -342,7 +345,7 @@ def _environment_problem(
     ), described_by
 
 
-def _trainer(name: str, given: Mapping[str, Any], sources: str) -> Trainer:
+def _trainer(name: str, given: Mapping[str, Any], sources: str, *, of_plant: bool) -> Trainer:
     """The trainer of a name, with its table of settings.
 
     A name is `ppo`, one of stable-baselines3's, or `module:Class` of a trainer of one's own. The table
@@ -357,7 +360,8 @@ def _trainer(name: str, given: Mapping[str, Any], sources: str) -> Trainer:
     settings = {**given.get(table, {}), **given.get("settings", {})}
     try:
         if name == "ppo":
-            return PPO(PPOConfig(**structure_given(PPOConfig, settings, "the trainer", PlanError, "ppo")))
+            kind, config = (PPO, PPOConfig) if of_plant else (EnvironmentPPO, EnvironmentPPOConfig)
+            return kind(config(**structure_given(config, settings, "the trainer", PlanError, "ppo")))
         if name in _ALGORITHMS:
             return StableBaselines3(name, settings)  # pyright: ignore[reportArgumentType]
     except PlanError as error:

@@ -1,12 +1,13 @@
 """The settings of proximal policy optimisation, by stable-baselines3's names and with its defaults."""
 
 from dataclasses import dataclass, fields
+from typing import ClassVar
 
 from coachable.envs.squashing import SQUASHINGS, Squashing
 from coachable.foundation.data import real_number, whole_number
 from coachable.foundation.errors import PlanError
 
-_MOST = {"n_steps": 10**7, "batch_size": 10**7, "n_epochs": 10**4, "hidden_sizes": 10**4}
+_MOST = {"n_steps": 10**7, "batch_size": 10**7, "n_epochs": 10**4, "hidden_sizes": 10**4, "n_envs": 10**4}
 """Whole numbers, and what they are at most: more would take all memory or time."""
 
 
@@ -46,19 +47,22 @@ class PPOConfig:
     squashing: Squashing = "clip"
     """How the task keeps actions in its box: cut off, or by tanh. Densities are of actions before that."""
 
+    _rollout: ClassVar[str] = "n_steps"
+
     def __post_init__(self) -> None:
         if isinstance(self.hidden_sizes, list):  # as it comes from a TOML file
             object.__setattr__(self, "hidden_sizes", tuple(self.hidden_sizes))
         self._require("squashing", self.squashing in tuple(SQUASHINGS), " or ".join(map(repr, SQUASHINGS)))
-        for name, most in _MOST.items():
-            value = getattr(self, name)
+        whole = [name for name in _MOST if hasattr(self, name)]
+        for name in whole:
+            value, most = getattr(self, name), _MOST[name]
             if isinstance(value, tuple):
                 numbers = tuple(whole_number(each, f"ppo.{name}", PlanError, 1, most) for each in value)
             else:
                 numbers = whole_number(value, f"ppo.{name}", PlanError, 1, most)
             object.__setattr__(self, name, numbers)
         for field in fields(self):
-            if field.name not in (*_MOST, "squashing"):
+            if field.name not in (*whole, "squashing", "normalize"):
                 number = real_number(getattr(self, field.name), f"ppo.{field.name}", PlanError)
                 object.__setattr__(self, field.name, number)
         for name in ("learning_rate", "clip_range", "max_grad_norm", "adam_epsilon"):
@@ -73,14 +77,43 @@ class PPOConfig:
             "two integers ≥ 1",
         )
         self._require("batch_size", self.batch_size >= 2, "at least 2: advantages are normalised within it")
-        divides = self.n_steps % self.batch_size == 0
-        self._require("batch_size", divides, f"a divisor of n_steps = {self.n_steps}")
+        divides = self.rollout_size % self.batch_size == 0
+        self._require("batch_size", divides, f"a divisor of {self._rollout} = {self.rollout_size}")
 
     def _require(self, name: str, satisfied: bool, what: str) -> None:
         if not satisfied:
             raise PlanError(f"ppo.{name} must be {what}, got {getattr(self, name)!r}")
 
     @property
+    def rollout_size(self) -> int:
+        """Samples a rollout."""
+        return self.n_steps
+
+    @property
     def num_minibatches(self) -> int:
         """Minibatches an epoch."""
-        return self.n_steps // self.batch_size
+        return self.rollout_size // self.batch_size
+
+
+@dataclass(frozen=True)
+class EnvironmentPPOConfig(PPOConfig):
+    """Settings of PPO with several Gymnasium environments a lane, and what is usual there."""
+
+    n_steps: int = 128
+    """Steps a rollout of each environment."""
+    n_envs: int = 16
+    """Environments that are stepped side by side."""
+    normalize: bool = True
+    """Whether observations are shifted and scaled by their running mean and standard deviation, and rewards
+    scaled by that of the discounted return."""
+
+    _rollout = "n_steps × n_envs"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._require("normalize", type(self.normalize) is bool, "true or false")
+
+    @property
+    def rollout_size(self) -> int:
+        """Samples a rollout, of all environments."""
+        return self.n_steps * self.n_envs

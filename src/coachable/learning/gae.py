@@ -6,15 +6,15 @@ from jaxtyping import Array, Bool, Float
 
 
 def generalised_advantages(
-    rewards: Float[Array, " steps"],
-    values: Float[Array, " steps"],
-    next_values: Float[Array, " steps"],
-    terminated: Bool[Array, " steps"],
-    ended: Bool[Array, " steps"],
+    rewards: Float[Array, "*steps"],
+    values: Float[Array, "*steps"],
+    next_values: Float[Array, "*steps"],
+    terminated: Bool[Array, "*steps"],
+    ended: Bool[Array, "*steps"],
     gamma: float,
     gae_lambda: float,
-) -> Float[Array, " steps"]:
-    """The advantage of every step of a rollout that may span several episodes.
+) -> Float[Array, "*steps"]:
+    """The advantage of every step of a rollout that may span several episodes; time is the first axis.
 
         δ_t = r_t + γ (1 − terminated_t) V(s_{t+1}) − V(s_t)
         A_t = δ_t + γ λ (1 − ended_t) A_{t+1},        A_n = 0            (eq. 16 of the paper)

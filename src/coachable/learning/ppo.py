@@ -52,7 +52,10 @@ class TrainState(eqx.Module):
 
 
 class Rollout(eqx.Module):
-    """`steps` consecutive steps of one lane. Row t is what happened from s_t to s_{t+1}."""
+    """Consecutive steps of one lane. Row t is what happened from s_t to s_{t+1}.
+
+    `steps` is the number of steps, and behind it, where a lane has several environments, that of those.
+    """
 
     observations: Float[Array, "*steps observations"]
     next_observations: Float[Array, "*steps observations"]
@@ -138,6 +141,12 @@ def init(key: PRNGKeyArray, task: Task, config: PPOConfig) -> TrainState:
         dtype,
         num_seen=task.num_seen,
     )
+    return initial_state(key, networks, task_state)
+
+
+def initial_state(key: PRNGKeyArray, networks: ActorCritic, task_state: Any) -> TrainState:
+    """A lane with these networks before its first step."""
+    dtype = networks.log_std.dtype
     zeros = jnp.zeros_like(ravel_pytree(networks)[0])
     return TrainState(
         networks=networks,
@@ -215,28 +224,37 @@ def improve(config: PPOConfig, state: TrainState, rollout: Rollout) -> tuple[Tra
         rollout.rewards, values, next_values, rollout.terminated, ended, config.gamma, config.gae_lambda
     )
     batch = Batch(
-        observations=rollout.observations.T,
-        actions=rollout.actions.T,
-        log_probabilities=rollout.log_probabilities,
-        advantages=advantages,
-        returns=advantages + values,
+        observations=columns(rollout.observations),
+        actions=columns(rollout.actions),
+        log_probabilities=rollout.log_probabilities.ravel(),
+        advantages=advantages.ravel(),
+        returns=(advantages + values).ravel(),
     )
     key, permutation_key = jax.random.split(state.key)
-    permutations = random_permutations(permutation_key, config.n_epochs, config.n_steps)
+    permutations = random_permutations(permutation_key, config.n_epochs, config.rollout_size)
     networks, adam, diagnostics = learn(state.networks, state.adam, batch, permutations, config)
     state = replace(state, networks=networks, adam=adam, key=key, num_updates=state.num_updates + 1)
     return state, diagnostics
 
 
+def columns(rows: Float[Array, "*steps numbers"]) -> Float[Array, "numbers batch"]:
+    """The samples of a rollout as columns."""
+    return rows.reshape(-1, rows.shape[-1]).T
+
+
 def values_of(
     networks: ActorCritic, rollout: Rollout
-) -> tuple[Float[Array, " steps"], Float[Array, " steps"]]:
+) -> tuple[Float[Array, "*steps"], Float[Array, "*steps"]]:
     """V(s_t) and V(s_{t+1}) of every step, the latter before any reset."""
+
+    def values_at(observations):
+        return networks.values(columns(observations)).reshape(observations.shape[:-1])
+
     last = rollout.next_observations[-1:]
-    values = networks.values(jnp.concatenate([rollout.observations, last]).T)
+    values = values_at(jnp.concatenate([rollout.observations, last]))
     # The next row's value serves, unless a truncation put a fresh episode there.
     next_values = lax.cond(
-        jnp.any(rollout.truncated), lambda: networks.values(rollout.next_observations.T), lambda: values[1:]
+        jnp.any(rollout.truncated), lambda: values_at(rollout.next_observations), lambda: values[1:]
     )
     return values[:-1], next_values
 

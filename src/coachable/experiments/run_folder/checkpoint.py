@@ -1,4 +1,4 @@
-"""Pytrees of arrays in safetensors files that know whether they are whole."""
+"""Arrays in safetensors files that know whether they are whole."""
 
 from __future__ import annotations
 
@@ -6,38 +6,13 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeVar
 
-import jax
 import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import load, save
 
 from coachable.foundation.errors import RunFolderError
 from coachable.foundation.files import read_bytes, write_atomic
-
-Tree = TypeVar("Tree")
-
-
-def arrays_of(tree: object, prefix: str) -> dict[str, np.ndarray]:
-    """The tree's leaves by their path in it."""
-    leaves, _ = jax.tree_util.tree_flatten_with_path(tree)
-    return {prefix + jax.tree_util.keystr(path): np.asarray(leaf) for path, leaf in leaves}
-
-
-def tree_from(template: Tree, arrays: Mapping[str, np.ndarray], prefix: str) -> Tree:
-    """The inverse of `arrays_of` for a tree shaped like `template`.
-
-    **Raises:** `KeyError` for a leaf that is not there or has another shape or type.
-    """
-    leaves, structure = jax.tree_util.tree_flatten_with_path(template)
-    found = []
-    for path, leaf in leaves:
-        array = arrays[name := prefix + jax.tree_util.keystr(path)]
-        if (array.shape, array.dtype) != (leaf.shape, leaf.dtype):
-            raise KeyError(f"{name} is {array.dtype}{list(array.shape)}, not {leaf.dtype}{list(leaf.shape)}")
-        found.append(array)
-    return jax.tree_util.tree_unflatten(structure, found)
 
 
 def save_arrays(path: Path, arrays: Mapping[str, np.ndarray], about: Mapping[str, object]) -> None:

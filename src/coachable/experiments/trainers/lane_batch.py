@@ -17,10 +17,11 @@ from coachable.envs.squashing import Deterministic
 from coachable.experiments.experiment import Experiment, Lane, Which
 from coachable.experiments.layout import evaluation_steps, lane_key
 from coachable.experiments.log import Columns, Log
-from coachable.experiments.run_folder.checkpoint import arrays_of, load_arrays, save_arrays, tree_from
+from coachable.experiments.run_folder.checkpoint import load_arrays, save_arrays
 from coachable.experiments.run_folder.schemas import DIAGNOSTICS, table_of_rule
 from coachable.experiments.trainers.compiled import Programs, Tasks, stacked
 from coachable.foundation.errors import RunFolderError
+from coachable.foundation.trees import arrays_of, tree_from
 from coachable.learning.networks import ActorCritic
 from coachable.learning.policy import Policy
 from coachable.learning.ppo import Diagnostics, Episodes

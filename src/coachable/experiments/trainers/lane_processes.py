@@ -18,7 +18,7 @@ from multiprocessing.process import BaseProcess
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from coachable.experiments.log import Columns
-from coachable.foundation.errors import CoachableError, RunFolderError
+from coachable.foundation.errors import CoachableError, PlanError, RunFolderError
 
 
 class Progress(NamedTuple):
@@ -219,6 +219,8 @@ def _work(work: LaneWork, channel: Connection) -> None:
         work.run(report)
     except KeyboardInterrupt:
         sys.exit(1)  # a parent that asked for it no longer looks; to any other it has not finished
+    except PlanError as error:
+        channel.send(PlanError(f"{work.name}: {error}"))
     except (CoachableError, OSError) as error:
         channel.send(error)
     except Exception:

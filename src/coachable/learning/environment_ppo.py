@@ -1,0 +1,346 @@
+"""Our PPO on Gymnasium environments: many copies of one, stepped side by side in one process.
+
+Learning is `ppo.improve`, as for plants. What is here is what an environment that is written in Python needs
+beside it: its steps, the running scaling of observations and rewards, and how to go on after an interruption.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import gymnasium
+import jax
+import jax.numpy as jnp
+import numpy as np
+from gymnasium.wrappers.utils import RunningMeanStd
+from jaxtyping import Array, Bool, Float
+
+from coachable.envs.squashing import SQUASHINGS
+from coachable.foundation.errors import PlanError
+from coachable.foundation.trees import arrays_of, tree_from
+from coachable.learning import ppo
+from coachable.learning.config import EnvironmentPPOConfig
+from coachable.learning.networks import ActorCritic, initial_networks
+from coachable.learning.policy import Policy
+
+BOUND = 10.0
+"""Scaled observations and rewards are cut to ± this, as in stable-baselines3's `VecNormalize`."""
+LEAST_VARIANCE = 1e-8
+"""Added to a variance before anything is divided by its root."""
+LONGEST_REPLAY = 10_000
+"""An interrupted episode that is longer is begun anew, not replayed."""
+
+MakeEnv = Callable[[], gymnasium.Env]
+
+
+class Scaling(NamedTuple):
+    """How observations are normalised: (x − shift) / scale."""
+
+    shift: Float[Array, " observations"]
+    scale: Float[Array, " observations"]
+
+    def __call__(self, rows: Any) -> Float[Array, "*steps observations"]:
+        """Observations as the networks see them; the same arithmetic as in `Policy`."""
+        shift, scale = (jnp.broadcast_to(each, rows.shape) for each in self)
+        return jnp.clip((rows - shift) / scale, -BOUND, BOUND)
+
+
+class Gathered(NamedTuple):
+    """The steps of a rollout as the environments gave them; see `ppo.Rollout`."""
+
+    observations: Float[np.ndarray, "steps envs observations"]
+    next_observations: Float[np.ndarray, "steps envs observations"]
+    actions: Float[np.ndarray, "steps envs actions"]
+    noise: Float[np.ndarray, "steps envs actions"]
+    """(a − μ) / σ of every action."""
+    rewards: Float[np.ndarray, "steps envs"]
+    terminated: Bool[np.ndarray, "steps envs"]
+    truncated: Bool[np.ndarray, "steps envs"]
+
+
+class Learner:
+    """One lane: several copies of an environment, a policy for all of them, and what a checkpoint holds.
+
+    A rollout's observations are all scaled by the moments of the rollouts before it, so that what is learned
+    from is what was acted on; the first one's are not scaled.
+
+    **Arguments:**
+        make_env: observations are a row of numbers, actions a bounded one.
+        config: the settings.
+        seed: for the networks, the sampling and the environments.
+
+    **Raises:** `PlanError` for spaces that it cannot work with.
+    """
+
+    def __init__(self, make_env: MakeEnv, config: EnvironmentPPOConfig, seed: int):
+        first = make_env()
+        num_observations, num_actions = _sizes(first)
+        box: Any = first.action_space
+        envs = [first, *(make_env() for _ in range(config.n_envs - 1))]
+        key, network_key = jax.random.split(jax.random.key(seed))
+        networks = initial_networks(network_key, num_observations, num_actions, config.hidden_sizes)
+        self._config = config
+        self._state = ppo.initial_state(key, networks, None)
+        self._low, self._high = jnp.asarray(box.low, jnp.float32), jnp.asarray(box.high, jnp.float32)
+        self._of_observations = RunningMeanStd(shape=(num_observations,))
+        self._of_returns = RunningMeanStd()
+        self._returns = np.zeros(config.n_envs)
+        """Discounted return so far of every episode under way."""
+        self._copies = [_Copy(env, (seed, number)) for number, env in enumerate(envs)]
+        self._observations = np.zeros((config.n_envs, num_observations), np.float32)
+        self._diagnostics: dict[str, float] = {}
+        self._begun = False
+
+    @property
+    def num_steps(self) -> int:
+        """Steps of all environments together so far."""
+        return int(self._state.num_updates) * self.steps_an_update
+
+    @property
+    def steps_an_update(self) -> int:
+        """The samples of a rollout."""
+        return self._config.rollout_size
+
+    def learn(self, num_steps: int, between: Callable[[], None]) -> None:
+        """Go on until there were this many steps, rounded up to whole updates.
+
+        `between` is called whenever an update is over and the next rollout has not begun, and at the end.
+        """
+        if not self._begun:
+            for index, copy in enumerate(self._copies):
+                self._observations[index] = copy.begin()
+            self._begun = True
+        while self.num_steps < num_steps:
+            between()
+            self._update()
+        between()
+
+    def diagnostics(self) -> Mapping[str, float]:
+        """The latest update in the numbers of `ppo.Diagnostics`; empty before the first one."""
+        return self._diagnostics
+
+    def policy(self) -> Policy:
+        """What it does when it does not explore."""
+        networks, squashing = self._state.networks, self._config.squashing
+        scaling = self._scaling()
+        return Policy(
+            weights=tuple(weight for weight, _ in networks.policy_layers),
+            biases=tuple(bias for _, bias in networks.policy_layers),
+            low=self._low,
+            high=self._high,
+            std=jnp.exp(networks.log_std) if squashing == "clip" else None,
+            squashing=squashing,
+            bound=BOUND,
+            **(scaling._asdict() if self._config.normalize else {}),
+        )
+
+    def close(self) -> None:
+        """Close its environments."""
+        for copy in self._copies:
+            copy.env.close()
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All that has to be kept for going on to the bit: networks, optimiser, moments, episodes under way."""
+        state = replace(self._state, key=jax.random.key_data(self._state.key))
+        found = arrays_of(state, "state")
+        for name, moments in (("observations", self._of_observations), ("returns", self._of_returns)):
+            found |= {
+                f"{name}_{each}": np.asarray(getattr(moments, each)) for each in ("mean", "var", "count")
+            }
+        found |= {"returns": self._returns, "begun": np.array(self._begun), "seen": self._observations}
+        for index, copy in enumerate(self._copies):
+            found |= {f"copy_{index}.{name}": array for name, array in copy.arrays().items()}
+        return {name: np.array(array) for name, array in found.items()}
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Be what it was when `arrays` gave this; environments are led to where they were.
+
+        One that does not get there when it is given the same seed and actions begins another episode.
+
+        **Raises:** `KeyError` if something is not there.
+        """
+        template = replace(self._state, key=jax.random.key_data(self._state.key))
+        state = jax.tree.map(jnp.asarray, tree_from(template, arrays, "state"))
+        self._state = replace(state, key=jax.random.wrap_key_data(state.key))
+        for name, moments in (("observations", self._of_observations), ("returns", self._of_returns)):
+            for each in ("mean", "var", "count"):
+                setattr(moments, each, arrays[f"{name}_{each}"])
+        self._returns, self._begun = arrays["returns"].copy(), bool(arrays["begun"])
+        if not self._begun:
+            return
+        for index, copy in enumerate(self._copies):
+            prefix, seen = f"copy_{index}.", arrays["seen"][index]
+            kept = {name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)}
+            observation = copy.replay(kept)
+            if observation is None or not np.array_equal(np.asarray(observation, np.float32), seen):
+                observation = copy.begin()
+                self._returns[index] = 0.0
+            self._observations[index] = observation
+
+    def _update(self) -> None:
+        key, noise_key = jax.random.split(self._state.key)
+        shape = (self._config.n_steps, self._config.n_envs, len(self._low))
+        noise = np.asarray(_normal(noise_key, shape))
+        scaling = self._scaling()
+        gathered = self._gather(noise, scaling)
+        if self._config.normalize:
+            self._of_observations.update(_rows(gathered.observations).astype(np.float64))
+            gathered = gathered._replace(rewards=self._scaled(gathered))
+        state, diagnostics = _improve(self._config, replace(self._state, key=key), gathered, scaling)
+        if not all(np.isfinite(leaf).all() for leaf in jax.device_get(jax.tree.leaves(state.networks))):
+            raise PlanError(
+                f"the training diverged after {self.num_steps:,} steps: its networks hold what is no number. "
+                "A smaller learning_rate or max_grad_norm may help, or normalize = true"
+            )
+        self._state = state
+        self._diagnostics = {name: float(value) for name, value in vars(jax.device_get(diagnostics)).items()}
+
+    def _gather(self, noise: Float[np.ndarray, "steps envs actions"], scaling: Scaling) -> Gathered:
+        """A step of one environment after the other, again and again."""
+        num_steps, num_envs, _ = noise.shape
+        each, networks = (num_steps, num_envs), self._state.networks
+        observations = np.empty((*each, self._observations.shape[1]), np.float32)
+        after, actions = np.empty_like(observations), np.empty_like(noise)
+        rewards = np.empty(each, np.float32)
+        terminated, truncated = np.empty(each, bool), np.empty(each, bool)
+        act = partial(_act, self._config.squashing, networks, scaling, self._low, self._high)
+        for step in range(num_steps):
+            observations[step] = self._observations
+            actions[step], applied = jax.device_get(act(self._observations, noise[step]))
+            for index, copy in enumerate(self._copies):
+                found, paid, ended, cut = copy.step(applied[index])
+                after[step, index] = found
+                rewards[step, index], terminated[step, index], truncated[step, index] = paid, ended, cut
+                self._observations[index] = copy.begin() if ended or cut else found
+        return Gathered(
+            observations, after, actions, noise, rewards, terminated, truncated & ~terminated
+        )
+
+    def _scaled(self, gathered: Gathered) -> Float[np.ndarray, "steps envs"]:
+        """The rewards over the standard deviation of the discounted return, as `VecNormalize` has it."""
+        rewards, ended = gathered.rewards.astype(np.float64), gathered.terminated | gathered.truncated
+        returns = np.empty_like(rewards)
+        for step, paid in enumerate(rewards):
+            returns[step] = self._returns = self._config.gamma * self._returns + paid
+            self._returns = np.where(ended[step], 0.0, self._returns)
+        self._of_returns.update(returns.ravel())
+        scaled = rewards / np.sqrt(self._of_returns.var + LEAST_VARIANCE)
+        return np.clip(scaled, -BOUND, BOUND).astype(np.float32)
+
+    def _scaling(self) -> Scaling:
+        moments = self._of_observations
+        if not self._config.normalize or not int(self._state.num_updates):
+            zeros = jnp.zeros(moments.mean.shape, jnp.float32)
+            return Scaling(zeros, zeros + 1)
+        scale = np.sqrt(moments.var + LEAST_VARIANCE)
+        return Scaling(jnp.asarray(moments.mean, jnp.float32), jnp.asarray(scale, jnp.float32))
+
+
+class _Copy:
+    """One of a lane's environments, and what leads to where it is: its episode's seed and the actions since."""
+
+    def __init__(self, env: gymnasium.Env, seeds: tuple[int, int]):
+        self.env = env
+        self._seeds = seeds
+        self._episode = 0
+        self._actions: list[np.ndarray] = []
+
+    def begin(self) -> Any:
+        """The first observation of another episode."""
+        self._episode += 1
+        self._actions = []
+        return self._reset()
+
+    def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool]:
+        """A step of the episode under way."""
+        if len(self._actions) <= LONGEST_REPLAY:
+            self._actions.append(action)
+        observation, reward, terminated, truncated, _ = self.env.step(action)
+        return observation, float(reward), bool(terminated), bool(truncated)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The episode under way."""
+        size = self.env.action_space.shape or ()
+        actions = np.array(self._actions, np.float32).reshape(len(self._actions), *size)
+        return {"episode": np.array(self._episode), "actions": actions}
+
+    def replay(self, arrays: Mapping[str, np.ndarray]) -> Any:
+        """The observation where the episode of these `arrays` stood; `None` if it does not get there."""
+        self._episode, self._actions = int(arrays["episode"]), [*arrays["actions"]]
+        observation, ended = self._reset(), len(self._actions) > LONGEST_REPLAY
+        for action in self._actions:
+            if ended:
+                return None
+            observation, _, terminated, truncated, _ = self.env.step(action)
+            ended = bool(terminated or truncated)
+        return None if ended else observation
+
+    def _reset(self) -> Any:
+        # Above 2³⁰, where no evaluation begins.
+        drawn = np.random.SeedSequence((*self._seeds, self._episode)).generate_state(1)[0]
+        return self.env.reset(seed=2**30 + int(drawn) % 2**30)[0]
+
+
+def _sizes(env: gymnasium.Env) -> tuple[int, int]:
+    """How many numbers an observation and an action are.
+
+    **Raises:** `PlanError` for other spaces than rows of numbers, the actions' within bounds.
+    """
+    observations, actions = env.observation_space, env.action_space
+    if not isinstance(observations, gymnasium.spaces.Box) or len(observations.shape) != 1:
+        raise PlanError(f"observations must be a row of numbers, but they are {observations}")
+    if not isinstance(actions, gymnasium.spaces.Box) or len(actions.shape) != 1 or not actions.is_bounded():
+        raise PlanError(f"actions must be a row of numbers within bounds, but they are {actions}")
+    return observations.shape[0], actions.shape[0]
+
+
+def _rows(array: np.ndarray) -> np.ndarray:
+    return array.reshape(-1, array.shape[-1])
+
+
+# In the thread that calls them: lanes side by side keep the cores busy.
+_jit = partial(jax.jit, compiler_options={"xla_cpu_multi_thread_eigen": False})
+
+
+@partial(_jit, static_argnums=1)
+def _normal(key: Array, shape: tuple[int, ...]) -> Array:
+    return jax.random.normal(key, shape)
+
+
+@partial(_jit, static_argnums=0)
+def _act(
+    squashing: str,
+    networks: ActorCritic,
+    scaling: Scaling,
+    low: Float[Array, " actions"],
+    high: Float[Array, " actions"],
+    observations: Float[Array, "envs observations"],
+    noise: Float[Array, "envs actions"],
+) -> tuple[Float[Array, "envs actions"], Float[Array, "envs actions"]]:
+    """Actions as sampled, and as they are applied."""
+    means = networks.means(scaling(observations).T).T
+    actions = means + jnp.exp(networks.log_std)[None] * noise
+    return actions, SQUASHINGS[squashing](actions, low[None], high[None])
+
+
+@partial(_jit, static_argnums=0)
+def _improve(
+    config: EnvironmentPPOConfig,
+    state: ppo.TrainState,
+    gathered: Gathered,
+    scaling: Scaling,
+) -> tuple[ppo.TrainState, ppo.Diagnostics]:
+    noise, log_std = jnp.moveaxis(gathered.noise, -1, 0), state.networks.log_std
+    rollout = ppo.Rollout(
+        observations=scaling(gathered.observations),
+        next_observations=scaling(gathered.next_observations),
+        actions=gathered.actions,
+        log_probabilities=ppo.gaussian_log_probability(noise, log_std),
+        rewards=gathered.rewards,
+        terminated=gathered.terminated,
+        truncated=gathered.truncated,
+    )
+    return ppo.improve(config, state, rollout)
