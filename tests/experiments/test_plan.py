@@ -22,6 +22,7 @@ from coachable.experiments.plan import (
     shipped_settings,
     trainer_settings,
 )
+from coachable.experiments.trainers.environment_ppo import EnvironmentPPO
 from coachable.experiments.trainers.ppo import PPO
 from coachable.experiments.trainers.stable_baselines3 import StableBaselines3
 from coachable.foundation.errors import BehaviourError, ParameterError, PlanError
@@ -273,6 +274,7 @@ def test_options_replace_what_a_plan_for_an_environment_says():
 def test_options_alone_are_a_plan():
     experiment = load_plan(None, env="Walker2d-v5", behaviour="perry-gait", steps=100)
     assert (experiment.name, experiment.setups) == ("Walker2d-v5", (DescribedSetup(name="both"),))
+    assert isinstance(experiment.trainer, EnvironmentPPO)
 
 
 def test_the_compass_walkers_environment_is_the_plant():
@@ -288,7 +290,9 @@ def test_the_compass_walkers_environment_is_the_plant():
         ('env = "A-v0"', "which behaviour"),
         ('env = "A-v0"\nbehaviour = "hop"\nsteps = 0', "steps must be at least 1"),
         ('env = "A-v0"\nbehaviour = "hop"\nstep = 1', "unknown key 'step'; did you mean 'steps'"),
-        ('env = "A-v0"\nbehaviour = "hop"\ntrainer = "ppo"', "take sb3-ppo"),
+        ('env = "A-v0"\nbehaviour = "hop"\ntrainer = "ppo"\n[sb3]\nn_envs = 2', "the table sb3 is not for"),
+        ('env = "A-v0"\nbehaviour = "hop"\n[ppo]\nn_envs = 0', "n_envs"),
+        ('name = "a"\n[ppo]\nn_envs = 2', "n_envs"),
         ('env = "A-v0"\nbehaviour = "hop"\ntrainer = "sb3-poo"', "did you mean 'sb3-ppo'"),
         ('env = "A-v0"\nbehaviour = "hop"\ntrainer = "json:loads"', "is no Trainer"),
         ('env = "A-v0"\nbehaviour = "hop"\nclock = "free"', "clock is for plants"),
@@ -306,7 +310,7 @@ def test_the_compass_walkers_environment_is_the_plant():
         ('env = "A-v0"\nbehaviour = "hop"\n[setups."a/b"]', "it names files"),
         ('env = "A-v0"\nbehaviour = "hop"\n[sb3]\nn_steps = 0.5', "whole number, at least 1"),
         (
-            'env = "A-v0"\nbehaviour = "hop"\n[ppo]\nn_steps = 64',
+            'env = "A-v0"\nbehaviour = "hop"\ntrainer = "sb3-ppo"\n[ppo]\nn_steps = 64',
             "the table ppo is not for trainer = 'sb3-ppo'",
         ),
         (
