@@ -75,6 +75,12 @@ def programs(cache: str, quick: bool) -> dict[str, Program]:
         **{f"vector {n}": program("vector_steps", 3, num_envs=n, num_steps=2000 // shrink) for n in VECTORS},
         "wrapper": program("wrapped_steps", 50, num_steps=500 // shrink, wrappers=wrappers),
         "wrapper in training": program("wrapped_training", 6),
+        **{
+            f"described {env}": program(
+                "described_training", 3, ONE_XLA_THREAD, env=f"{env}-v5", num_updates=updates
+            )
+            for env in ("Walker2d", "Hopper", "HalfCheetah", "Ant", "Humanoid")
+        },
         "sgemm 1024": program("sgemm", 5, ONE_BLAS_THREAD, size=1024, products=40 // shrink),
         "sgemm 64": program("sgemm", 5, ONE_BLAS_THREAD, size=64, products=50_000 // shrink),
         **{f"lanes {n}": program("coachable_training", 2, num_lanes=n, num_updates=updates) for n in lanes},

@@ -62,6 +62,7 @@ def report(measured: Mapping[str, Sequence[Measurement]]) -> list[Row]:
             (_vectors, ["vector 1"]),
             (_wrapper, [ALONE]),
             (_wrapper_in_training, [f"wrapper in training {name}" for name in ("alone", "with coachable")]),
+            (_described, ["described Walker2d coachable"]),
             (_training, ["lanes 1"]),
             (_sbx, ["lanes 1", "sbx"]),
             (_update, ["update", "sgemm 1024", "sgemm 64"]),
@@ -141,6 +142,22 @@ def _wrapper_in_training(results: Results) -> list[Row]:
         _step_row(results, "Walker2d-v5: sb3 PPO, one thread", alone),
         _step_row(results, "… with coachable", wrapped, share, "< 10 %"),
     ]
+
+
+def _described(results: Results) -> list[Row]:
+    """Training in Gymnasium environments, beside stable-baselines3 and the simulator by itself."""
+    rows = []
+    for ours in (name for name in _named(results, "described") if name.endswith(" coachable")):
+        robot = ours.removesuffix(" coachable")
+        theirs, alone = f"{robot} stable-baselines3", f"{robot} mj_step"
+        share = f"{100 * results.ratio(ours, alone):.0f} % of it"
+        first = not rows
+        rows += [
+            _step_row(results, f"training: {ours}", ours),
+            _step_row(results, "… stable-baselines3", theirs, results.faster(ours, theirs), "≥ 5 ×" * first),
+            _step_row(results, "… mj_step alone", alone, share, "≥ 65 %" * first),
+        ]
+    return rows
 
 
 def _training(results: Results) -> list[Row]:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from coachable.experiments.run_folder.checkpoint import load_arrays, save_arrays
-from coachable.foundation.trees import arrays_of, tree_from
 from coachable.foundation.errors import RunFolderError
+from coachable.foundation.trees import arrays_of, tree_from
 
 TREE = {
     "weights": (jnp.arange(6.0).reshape(2, 3), jnp.float32(2.0)),

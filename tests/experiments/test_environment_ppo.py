@@ -103,7 +103,10 @@ def test_it_is_what_an_environment_is_trained_with(experiment):
     assert experiment.trainer.name == "ppo"
     assert experiment.trainer.config.n_envs == 3
     assert experiment.total_steps == 1200
-    assert parse_plan(experiment.to_toml(), "again", described=experiment.behaviour).trainer == experiment.trainer
+    assert (
+        parse_plan(experiment.to_toml(), "again", described=experiment.behaviour).trainer
+        == experiment.trainer
+    )
 
 
 def test_the_folder_holds_what_was_trained(run, experiment):
@@ -144,7 +147,10 @@ def test_observations_in_parts_are_laid_in_a_row(experiment, tmp_path):
         problem = replace(
             experiment.problem,
             env=NESTED,
-            signals={"height": {"observation": ["angle", 0]}, "speed": {"observation": ["moves", "speed", 0, 0]}},
+            signals={
+                "height": {"observation": ["angle", 0]},
+                "speed": {"observation": ["moves", "speed", 0, 0]},
+            },
         )
         parts = trained(replace(experiment, problem=problem, steps=600), tmp_path / "parts")
     finally:

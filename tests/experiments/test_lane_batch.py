@@ -11,10 +11,10 @@ import pytest
 from coachable.experiments import survival
 from coachable.experiments.experiment import Lane
 from coachable.experiments.plan import load_plan, with_options
-from coachable.foundation.trees import arrays_of
 from coachable.experiments.trainers import compiled
 from coachable.experiments.trainers.lane_batch import LaneBatch
 from coachable.experiments.trainers.workers import take_turns
+from coachable.foundation.trees import arrays_of
 from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES
 
 A, B, C = Lane("sparse", 3), Lane("forward+orthant", 3), Lane("sparse", 7)

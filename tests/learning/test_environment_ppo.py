@@ -1,4 +1,4 @@
-"""Our PPO on Gymnasium environments: tiny ones whose answers are known, going on to the bit, and its scaling."""
+"""Our PPO on Gymnasium environments: tiny ones with known answers, its scaling, and going on to the bit."""
 
 from dataclasses import replace
 
@@ -218,7 +218,7 @@ def test_moments_are_those_of_all_that_was_seen_and_paid():
 
 
 def test_a_rollout_of_several_environments_is_learned_from_as_one_of_each():
-    """Advantages of environments side by side are those of each by itself; one environment is none beside it."""
+    """Values of environments side by side are those of each by itself; one is as none."""
     key, size = jax.random.split(jax.random.key(0)), (24, 4)
     networks = initial_networks(key[0], 3, 2, (8, 8))
 

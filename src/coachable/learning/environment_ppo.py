@@ -143,7 +143,7 @@ class Learner:
             copy.env.close()
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """All that has to be kept for going on to the bit: networks, optimiser, moments, episodes under way."""
+        """All that has to be kept for going on to the bit: networks, optimiser, moments, episodes."""
         state = replace(self._state, key=jax.random.key_data(self._state.key))
         found = arrays_of(state, "state")
         for name, moments in (("observations", self._of_observations), ("returns", self._of_returns)):
@@ -215,9 +215,7 @@ class Learner:
                 after[step, index] = found
                 rewards[step, index], terminated[step, index], truncated[step, index] = paid, ended, cut
                 self._observations[index] = copy.begin() if ended or cut else found
-        return Gathered(
-            observations, after, actions, noise, rewards, terminated, truncated & ~terminated
-        )
+        return Gathered(observations, after, actions, noise, rewards, terminated, truncated & ~terminated)
 
     def _scaled(self, gathered: Gathered) -> Float[np.ndarray, "steps envs"]:
         """The rewards over the standard deviation of the discounted return, as `VecNormalize` has it."""
@@ -240,7 +238,7 @@ class Learner:
 
 
 class _Copy:
-    """One of a lane's environments, and what leads to where it is: its episode's seed and the actions since."""
+    """One of a lane's environments, and what leads to where it is: its episode's seed, the actions since."""
 
     def __init__(self, env: gymnasium.Env, seeds: tuple[int, int]):
         self.env = env
