@@ -1,6 +1,6 @@
 """The description of a movement: signals, predicates, phases and their order. Pure Python."""
 
-from coachable.behaviours.behaviour import Assignment, Behaviour, Dwell, Edge, Phase
+from coachable.behaviours.behaviour import Assignment, Behaviour, Dwell, Edge, Phase, Symmetry
 from coachable.behaviours.expressions import Constant, Number, Variable
 from coachable.behaviours.library import load_behaviour
 from coachable.behaviours.predicates import (
@@ -34,6 +34,7 @@ __all__ = [
     "Phrase",
     "Predicate",
     "Signal",
+    "Symmetry",
     "Variable",
     "holds",
     "load_behaviour",

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from coachable.behaviours.expressions import Constant, Expression, Variable
@@ -99,6 +101,38 @@ class Edge:
 
 
 @dataclass(frozen=True)
+class Symmetry:
+    """What `mirror left <-> right, sway -> -sway` says: the movement of one side is that of the other.
+
+    `swaps` are pairs of words that change places in names, with capitals, too; an underscore or a hyphen ends
+    a word, as in `left_knee`. `flips` are signals whose image has the other sign, as a sway to the left has.
+    """
+
+    swaps: tuple[tuple[str, str], ...] = ()
+    flips: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        object.__setattr__(self, "swaps", tuple((left, right) for left, right in self.swaps))
+        object.__setattr__(self, "flips", tuple(self.flips))
+
+    def image(self, text: str) -> str:
+        """The text with whole words swapped."""
+        if not self.words:
+            return text
+        either = "|".join(map(re.escape, self.words))
+        return re.sub(rf"(?<![^\W_])(?:{either})(?![^\W_])", lambda match: self.words[match.group()], text)
+
+    @cached_property
+    def words(self) -> Mapping[str, str]:
+        """Every word that is swapped, to its image."""
+        words: dict[str, str] = {}
+        for left, right in self.swaps:
+            for change in (str, str.capitalize, str.upper):
+                words |= {change(left): change(right), change(right): change(left)}
+        return words
+
+
+@dataclass(frozen=True)
 class Behaviour:
     """What a movement should look like: K phases over named signals, and the edges between them.
 
@@ -108,6 +142,8 @@ class Behaviour:
     `cycles` are closed walks along the edges: taking all edges of one in order completes a cycle.
     `constants` and `vocabulary` are the names used in the predicates, and unused ones; missing ones are
     added. An `All` or `Any` of a single part is replaced by the part, which has the same text.
+
+    `symmetry` says what is whose mirror image, if the text does; phases of both sides are among the phases.
 
     **Raises:** `BehaviourError`, naming the culprit, if there is no phase, if a name is empty or given
     twice, if a phrase or a constant has two meanings, if a predicate reads an undeclared signal, if an edge
@@ -123,6 +159,7 @@ class Behaviour:
     constants: tuple[Constant, ...] = ()
     vocabulary: tuple[Phrase, ...] = ()
     outside: str | None = None
+    symmetry: Symmetry | None = None
 
     def __post_init__(self):
         for field in ("signals", "phases", "edges", "constants", "vocabulary"):
@@ -198,6 +235,29 @@ class Behaviour:
     def phase_names(self) -> tuple[str, ...]:
         """The phases' names, in their order."""
         return tuple(phase.name for phase in self.phases)
+
+    @property
+    def phase_images(self) -> tuple[int, ...]:
+        """For each phase the index of its mirror image, which is its own where there is no other."""
+        names = self.phase_names
+        images = [name if self.symmetry is None else self.symmetry.image(name) for name in names]
+        return tuple(names.index(image if image in names else name) for name, image in zip(names, images, strict=True))
+
+    @property
+    def mirrored_phases(self) -> tuple[bool, ...]:
+        """Whether each phase is the mirror image of one before it: the half that a text leaves to its mirror."""
+        return tuple(image < index for index, image in enumerate(self.phase_images))
+
+    def signal_image(self, name: str) -> tuple[str, int]:
+        """The signal that is a signal's mirror image, and its sign: −1 for one that points to a side."""
+        if self.symmetry is None:
+            return name, 1
+        primitive = {signal.name: signal.derivative_of for signal in self.signals}
+        image, traced, flips = self.symmetry.image(name), name, False
+        for _ in self.signals:
+            flips = flips or traced in self.symmetry.flips or self.symmetry.image(traced) in self.symmetry.flips
+            traced = primitive.get(traced) or traced
+        return image, -1 if flips else 1
 
     def phase_at(self, values: Mapping[str, float]) -> str | None:
         """The name of the first phase that holds at the given signal values, or `None` outside all of them.

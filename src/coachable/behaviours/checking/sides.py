@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.behaviour import Behaviour, Symmetry
 from coachable.behaviours.checking.comparison import same_meaning
 from coachable.behaviours.checking.findings import Finding, Result, Subject
 from coachable.behaviours.expressions import Constant
@@ -30,11 +30,11 @@ def lateral_signals(behaviour: Behaviour) -> Iterator[Result]:
     lateral = [signal for signal in behaviour.signals if _is_lateral(signal)]
     constants = {constant.name: constant for constant in behaviour.constants}
     for first, second, swapped in _sides(behaviour) if lateral else ():
-        mirror = Mirror.of([swapped])
+        mirror = Mirror.of(Symmetry((swapped,)))
         if not same_meaning(_image(mirror, first, constants), second):
             continue
         for signal in list(lateral):
-            flipped = Mirror.of([swapped], [signal.name])
+            flipped = Mirror.of(Symmetry((swapped,), (signal.name,)))
             keeps_its_name = mirror.text(signal.name) == signal.name
             if keeps_its_name and not same_meaning(_image(flipped, first, constants), second):
                 lateral.remove(signal)

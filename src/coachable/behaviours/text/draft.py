@@ -37,12 +37,12 @@ class Draft:
         return {name: constant for name, (constant, _) in self.constants.items()}
 
 
-def drop_unused(draft: Draft, own: Sequence[Statement]) -> None:
+def drop_unused(draft: Draft, own: Sequence[Statement], mirror: Mirror | None) -> None:
     """Drop signals, constants and phrases that only included files declare and that nothing uses.
 
     A user of the behaviour then need not provide signals that occur in unused vocabulary only.
 
-    **Arguments:** `own`, the statements of the text itself.
+    **Arguments:** `own`, the statements of the text itself; `mirror`, in which what is used has its image.
     """
     stays = {id(statement) for statement in own}
     predicates = [phase.predicate for phase, _ in draft.phases.values()]
@@ -51,6 +51,7 @@ def drop_unused(draft: Draft, own: Sequence[Statement]) -> None:
     for signal, statement in draft.signals.values():
         if signal.derivative_of and (signal.name in signals or id(statement) in stays):
             signals.add(signal.derivative_of)
+    signals |= {mirror.text(name) for name in signals} if mirror else set()
     constants = {constant.name for predicate in predicates for constant in constants_of(predicate)}
     phrases = {phrase.words for predicate in predicates for phrase in phrases_of(predicate)}
     _keep(draft.signals, signals, stays)
@@ -125,9 +126,9 @@ def _same_walk(one: Chain, other: Chain) -> bool:
 
 
 def _refuse_lopsided(what: str, mirror: Mirror, statement: Statement, diagnostics: Diagnostics) -> None:
-    words = " nor ".join(list(mirror.words)[:2])
+    words = " nor ".join(list(mirror.symmetry.words)[:2])
     diagnostics.add(
         statement.place(),
         f"{what} differs from its mirror image, but its name contains neither {words}",
-        f"name its side, as in {next(iter(mirror.words))}",
+        f"name its side, as in {next(iter(mirror.symmetry.words))}",
     )

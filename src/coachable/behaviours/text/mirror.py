@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
-from coachable.behaviours.behaviour import Assignment, Edge
+from coachable.behaviours.behaviour import Assignment, Edge, Symmetry
 from coachable.behaviours.expressions import Constant, Expression, Negative, Number, Variable
 from coachable.behaviours.predicates import MIRRORED, Comparison, Phrase, Predicate
 from coachable.behaviours.tree import Node, rewritten
@@ -15,23 +13,19 @@ from coachable.behaviours.tree import Node, rewritten
 
 @dataclass(frozen=True)
 class Mirror:
-    """An involution on words: `{"left": "right", "right": "left"}`, and the same with capitals.
+    """A symmetry as it is applied to what a text declares.
 
-    `flips` are the signals whose image has the other sign, as a sway to the left has.
+    `flips` are the signals whose image has the other sign, on both sides, and their derivatives.
     """
 
-    words: Mapping[str, str]
+    symmetry: Symmetry
     flips: frozenset[str] = frozenset()
 
     @staticmethod
-    def of(pairs: Iterable[tuple[str, str]], flips: Iterable[str] = ()) -> Mirror:
-        """The mirror that swaps the words of each pair, and changes the sign of some signals."""
-        words: dict[str, str] = {}
-        for left, right in pairs:
-            for change in (str, str.capitalize, str.upper):
-                words |= {change(left): change(right), change(right): change(left)}
-        mirror = Mirror(MappingProxyType(words))
-        return replace(mirror, flips=frozenset(name for one in flips for name in (one, mirror.text(one))))
+    def of(symmetry: Symmetry) -> Mirror:
+        """The mirror of a symmetry, without derivatives."""
+        both = (name for one in symmetry.flips for name in (one, symmetry.image(one)))
+        return Mirror(symmetry, frozenset(both))
 
     def with_derivatives(self, derivatives: Mapping[str, str]) -> Mirror:
         """The same, in which signals change their sign whose primitive does: signal → what it derives."""
@@ -41,11 +35,8 @@ class Mirror:
         return replace(self, flips=frozenset(flips))
 
     def text(self, text: str) -> str:
-        """The text with whole words swapped; an underscore or a hyphen ends a word, as in `left_knee`."""
-        if not self.words:
-            return text
-        either = "|".join(map(re.escape, self.words))
-        return re.sub(rf"(?<![^\W_])(?:{either})(?![^\W_])", lambda match: self.words[match.group()], text)
+        """The text with whole words swapped."""
+        return self.symmetry.image(text)
 
     def constant(self, constant: Constant) -> Constant:
         """The constant under its mirrored name; one whose name stays is the same on both sides."""

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from lark import Token
 
-from coachable.behaviours.behaviour import Behaviour
+from coachable.behaviours.behaviour import Behaviour, Symmetry
 from coachable.behaviours.names import flaw_of_word
 from coachable.behaviours.text.diagnostics import Diagnostics, Place
 from coachable.behaviours.text.draft import Draft, drop_unused
@@ -61,13 +61,14 @@ def read(text: str, name: str, directory: Path | str | None = None) -> Reading:
     if not any(row.section == "phases" for row in rows):
         diagnostics.add(Place(begin, end.number, 1), "there are no phases", "add a section called phases")
     included = _with_includes(statements, directory, diagnostics)
-    draft = resolved([statement for statement, _ in included], _mirror(statements, diagnostics), diagnostics)
+    mirror = _mirror(statements, diagnostics)
+    draft = resolved([statement for statement, _ in included], mirror, diagnostics)
     description = _description(rows, diagnostics)
     title = "" if head is None else _quoted(head, diagnostics)
     outside_name = None if outside is None else _quoted(outside, diagnostics)
     if diagnostics:
         diagnostics.stop()
-    drop_unused(draft, statements)
+    drop_unused(draft, statements, mirror)
     try:
         behaviour = Behaviour(
             name=title,
@@ -79,6 +80,7 @@ def read(text: str, name: str, directory: Path | str | None = None) -> Reading:
             constants=tuple(constant for constant, _ in draft.constants.values()),
             vocabulary=tuple(phrase for phrase, _ in draft.phrases.values()),
             outside=outside_name,
+            symmetry=None if mirror is None else mirror.symmetry,
         )
     except BehaviourError as error:
         diagnostics.add(Place(begin, 1, 1), str(error))
@@ -184,7 +186,7 @@ def _mirror(statements: Sequence[Statement], diagnostics: Diagnostics) -> Mirror
                 if word in (*pairs, *pairs.values()) or left == right:
                     diagnostics.add(statement.place(word), f"{word} is swapped twice")
             pairs[str(left)] = str(right)
-    mirror = Mirror.of(pairs.items(), flips)
+    mirror = Mirror.of(Symmetry(tuple(pairs.items()), tuple(map(str, flips))))
     for name, (image, statement, word) in flips.items():
         if mirror.text(name) != image:
             diagnostics.add(

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator
 
-from coachable.behaviours.behaviour import Behaviour, Dwell, Edge, Phase
+from coachable.behaviours.behaviour import Behaviour, Dwell, Edge, Phase, Symmetry
 from coachable.behaviours.expressions import Constant
 from coachable.behaviours.names import WORD, flaw_of_letters
 from coachable.behaviours.predicates import All, Any, Predicate, Signal
@@ -26,6 +26,8 @@ def _lines(behaviour: Behaviour) -> Iterator[str]:
     yield f"behaviour {quoted(behaviour.name)}"
     yield from _described(behaviour.description)
     yield from _section("signals", map(_signal, behaviour.signals))
+    if behaviour.symmetry is not None:
+        yield _mirror(behaviour.symmetry)
     yield from _section("constants", map(_constant, behaviour.constants))
     yield from _section("vocabulary", (f"{p.words} means {p.predicate}" for p in behaviour.vocabulary))
     yield from _section("phases", map(_phase, behaviour.phases))
@@ -75,6 +77,11 @@ def _signal(signal: Signal) -> str:
             ),
         )
     )
+
+
+def _mirror(symmetry: Symmetry) -> str:
+    swaps = [f"{left} <-> {right}" for left, right in symmetry.swaps]
+    return f"mirror {', '.join([*swaps, *(f'{name} -> -{symmetry.image(name)}' for name in symmetry.flips)])}"
 
 
 def _constant(constant: Constant) -> str:

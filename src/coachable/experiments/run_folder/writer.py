@@ -89,7 +89,8 @@ class RunFolder:
         machine are others than those it was begun with.
         """
         path, manifest = run.path, dict(run.manifest)
-        same = run.behaviour == experiment.behaviour
+        # Descriptions have not always been kept with what is whose mirror image.
+        same = run.behaviour == replace(experiment.behaviour, symmetry=run.behaviour.symmetry)
         # The text counts, not where it lies.
         ours = replace(experiment, described_by=run.experiment.described_by) if same else experiment
         if changed := differences(run.experiment, ours):
