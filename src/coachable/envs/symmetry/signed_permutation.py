@@ -1,0 +1,57 @@
+"""Mirror images of rows of numbers: some change places, some change their sign."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True)
+class SignedPermutation:
+    """y_i = signs_i · x[sources_i].
+
+    **Raises:** at construction `ValueError` for what is no permutation, or no signs.
+    """
+
+    sources: tuple[int, ...]
+    signs: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        if sorted(self.sources) != [*range(len(self.sources))]:
+            raise ValueError(f"{self.sources} is no permutation")
+        if len(self.signs) != len(self.sources) or not {*self.signs} <= {-1, 1}:
+            raise ValueError(f"{self.signs} are not one sign, 1 or -1, for each of {len(self.sources)}")
+
+    @staticmethod
+    def identity(size: int) -> SignedPermutation:
+        """The one that changes nothing."""
+        return SignedPermutation(tuple(range(size)), (1,) * size)
+
+    def __call__(self, x: Float[Any, "*batch numbers"]) -> Float[Any, "*batch numbers"]:
+        """The image, in the library and type of x."""
+        sources, signs = self._arrays
+        return x[..., sources] * signs.astype(x.dtype)
+
+    def followed_by(self, other: SignedPermutation) -> SignedPermutation:
+        """The two side by side: a row of both."""
+        shifted = tuple(len(self.sources) + source for source in other.sources)
+        return SignedPermutation(self.sources + shifted, self.signs + other.signs)
+
+    @property
+    def is_involution(self) -> bool:
+        """Whether the image of an image is the original."""
+        sources, signs = self._arrays
+        return bool((sources[sources] == np.arange(len(sources))).all() and (signs * signs[sources] == 1).all())
+
+    @property
+    def moved(self) -> tuple[int, ...]:
+        """The places whose number comes from another place."""
+        return tuple(place for place, source in enumerate(self.sources) if place != source)
+
+    @cached_property
+    def _arrays(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.array(self.sources, int), np.array(self.signs, int)
