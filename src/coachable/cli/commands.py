@@ -11,7 +11,7 @@ import sys
 import tyro
 
 import coachable
-from coachable.cli import audits, descriptions, experiments, exports, results, verification, walks
+from coachable.cli import audits, descriptions, experiments, exports, results, robots, verification, walks
 from coachable.foundation.errors import CoachableError
 from coachable.foundation.suggestion import suggestion
 
@@ -32,6 +32,7 @@ COMMANDS = {
     "audit": audits.audit,
     "diff": descriptions.diff,
     "explain": descriptions.explain,
+    "symmetry": robots.symmetry,
     "export": exports.export,
     "cite": results.cite,
 }

@@ -226,18 +226,7 @@ class EnvironmentProblem(Problem):
         options: dict[str, Any] = dict(self.env_options)
         if render_mode is not None:
             options["render_mode"] = render_mode
-        try:
-            env = gymnasium.make(self.env, disable_env_checker=True, **options)
-        except gymnasium.error.DependencyNotInstalled as error:
-            extra = "box2d" if "box2d" in str(error).lower() else "mujoco"
-            raise MissingExtraError(self.env, extra) from None
-        except (gymnasium.error.Error, ImportError) as error:
-            raise PlanError(f"{self.env!r} cannot be made: {error}") from None
-        # Whatever an environment's constructor raises, it is the plan's options that it was given.
-        except Exception as error:
-            given = ", ".join(f"{name} = {value!r}" for name, value in options.items())
-            given = f" with {given} (env_options)" if given else ""
-            raise PlanError(f"{self.env!r} cannot be made{given}: {type(error).__name__}: {error}") from error
+        env = bare_environment(self.env, options)
         described = BehaviourReward(
             OwnReward(env, setup.terms),
             self.behaviour,
@@ -289,3 +278,23 @@ class EnvironmentProblem(Problem):
             "env_options": dict(self.env_options),
             "signals": dict(self.signals),
         }
+
+
+def bare_environment(env: str, options: Mapping[str, Any]) -> gymnasium.Env:
+    """An environment by its id, with further arguments of `gymnasium.make`.
+
+    **Raises:** `PlanError` if there is none, or it cannot be made with these options; `MissingExtraError` for
+    a package that is missing.
+    """
+    try:
+        return gymnasium.make(env, disable_env_checker=True, **options)
+    except gymnasium.error.DependencyNotInstalled as error:
+        extra = "box2d" if "box2d" in str(error).lower() else "mujoco"
+        raise MissingExtraError(env, extra) from None
+    except (gymnasium.error.Error, ImportError) as error:
+        raise PlanError(f"{env!r} cannot be made: {error}") from None
+    # Whatever an environment's constructor raises, it is the plan's options that it was given.
+    except Exception as error:
+        given = ", ".join(f"{name} = {value!r}" for name, value in options.items())
+        given = f" with {given} (env_options)" if given else ""
+        raise PlanError(f"{env!r} cannot be made{given}: {type(error).__name__}: {error}") from error
