@@ -3,11 +3,13 @@
 from dataclasses import replace
 
 import gymnasium
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict
 
 from coachable.experiments.assessment import assessment
+from coachable.experiments.experiment import EVALUATION_SEED
 from coachable.experiments.plan import parse_plan, trainer_settings
 from coachable.experiments.runner import run_experiment
 from coachable.experiments.trainers import process_lane
@@ -171,3 +173,62 @@ def test_settings_that_stable_baselines3_takes_are_ours_too(name):
     settings = trainer_settings(name)
     config = EnvironmentPPOConfig(**settings)
     assert {name: getattr(config, name) for name in settings} == settings
+
+
+MIRRORED = """
+env = "Walker2d-v5"
+behaviour = "steps.behaviour"
+steps = 400
+evaluate_every = 400
+[setups.seeing]
+reward_variant = "schedule"
+observe = "memory"
+[setups.blind]
+reward_variant = "schedule"
+[setups.plain]
+reward_variant = "schedule"
+mirror = false
+[ppo]
+n_steps = 100
+n_envs = 2
+batch_size = 50
+n_epochs = 1
+"""
+
+STEPS = """
+behaviour "steps"
+
+signals
+  left_foot_x   [m]
+  right_foot_x  [m]
+
+mirror left <-> right
+
+phases
+  left_ahead for at most 0.1 s: left_foot_x > right_foot_x
+
+cycle
+  left_ahead -> right_ahead
+"""
+
+
+def test_a_mirrored_policy_is_evaluated_as_it_was_trained(tmp_path):
+    """The bare policy, in the environment that mirrors, does what the mirrored one does in the plain one."""
+    pytest.importorskip("mujoco")
+    (tmp_path / "steps.behaviour").write_text(STEPS)
+    experiment = parse_plan(MIRRORED, "steps.toml", tmp_path)
+    for index, setup in enumerate(experiment.setups):
+        tables, policies = trained(experiment, tmp_path / setup.name, lane=index)
+        policy = policies["last"]
+        assert bool(policy.mirror) == (setup.name != "plain")
+        env = experiment.problem.training_environment(setup, 400)
+        bare, total, phases = replace(policy, mirror=""), 0.0, set()
+        observation, _ = env.reset(seed=EVALUATION_SEED)
+        over = False
+        while not over:
+            phases.add(env.get_wrapper_attr("expected_phase"))
+            action = np.asarray(bare(jnp.asarray(observation, jnp.float32)))
+            observation, reward, terminated, truncated, _ = env.step(action)
+            total, over = total + float(reward), terminated or truncated
+        assert len(phases) > 1
+        assert tables["evaluations"]["return"][-1] == pytest.approx(total, rel=1e-4)

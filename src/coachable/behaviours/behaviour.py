@@ -240,12 +240,16 @@ class Behaviour:
     def phase_images(self) -> tuple[int, ...]:
         """For each phase the index of its mirror image, which is its own where there is no other."""
         names = self.phase_names
-        images = [name if self.symmetry is None else self.symmetry.image(name) for name in names]
-        return tuple(names.index(image if image in names else name) for name, image in zip(names, images, strict=True))
+        if self.symmetry is None:
+            return tuple(range(len(names)))
+        images = map(self.symmetry.image, names)
+        return tuple(
+            names.index(image if image in names else name) for name, image in zip(names, images, strict=True)
+        )
 
     @property
     def mirrored_phases(self) -> tuple[bool, ...]:
-        """Whether each phase is the mirror image of one before it: the half that a text leaves to its mirror."""
+        """Whether each phase is the image of one before it: the half that a text leaves to its mirror."""
         return tuple(image < index for index, image in enumerate(self.phase_images))
 
     def signal_image(self, name: str) -> tuple[str, int]:
@@ -255,7 +259,9 @@ class Behaviour:
         primitive = {signal.name: signal.derivative_of for signal in self.signals}
         image, traced, flips = self.symmetry.image(name), name, False
         for _ in self.signals:
-            flips = flips or traced in self.symmetry.flips or self.symmetry.image(traced) in self.symmetry.flips
+            flips = (
+                flips or traced in self.symmetry.flips or self.symmetry.image(traced) in self.symmetry.flips
+            )
             traced = primitive.get(traced) or traced
         return image, -1 if flips else 1
 

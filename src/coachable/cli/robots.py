@@ -13,9 +13,7 @@ if TYPE_CHECKING:
 
 
 def symmetry(
-    env: Annotated[
-        Positional[str], arg(metavar="ENV", help="What gymnasium.make takes, or a plan's file.")
-    ],
+    env: Annotated[Positional[str], arg(metavar="ENV", help="What gymnasium.make takes, or a plan's file.")],
     behaviour: Annotated[
         str | None,
         option(
@@ -29,8 +27,8 @@ def symmetry(
 ) -> None:
     """Derive what a MuJoCo robot looks like in a mirror, and test it against the simulator.
 
-    Left and right are exchanged: bodies are paired by where they lie at home, motors and observations with the
-    signs that they have in the mirror. In what the two sides of the model differ is named. For example:
+    Left and right are exchanged: bodies are paired by where they lie at home, motors and observations with
+    the signs that they have in the mirror. In what the two sides of the model differ is named. For example:
 
         coachable symmetry Walker2d-v5
         coachable symmetry Walker2d-v5 --behaviour perry-gait
@@ -75,8 +73,9 @@ def _data(found: DerivedSymmetry) -> dict[str, object]:
 
 def _show(found: DerivedSymmetry) -> None:
     print(f"{found.environment} in the mirror", "", sep="\n")
-    print("bodies that change places   ", ", ".join(" ↔ ".join(pair) for pair in found.exchanged if all(pair)))
-    print("motors                      ", ", ".join(" ↔ ".join(pair) for pair in found.motors))
+    pairs = {"bodies that change places": found.exchanged, "motors": found.motors}
+    for what, each in pairs.items():
+        print(f"{what:<28}", ", ".join(" ↔ ".join(pair) for pair in each if all(pair)))
     observation = found.mirror.observation
     turned = sum(sign < 0 for sign in observation.signs)
     print(

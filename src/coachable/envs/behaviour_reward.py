@@ -107,6 +107,8 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
             self.observation_space = self._observer.space
         self._steps: int | None = None
         self._untried_dt = untried_dt(self.behaviour_reward, dt)
+        self.expected_phase = len(self.behaviour_reward.behaviour.phases)
+        """The phase that the form expects now: that of its expected run, or the one that the robot is in."""
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -116,7 +118,7 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         observation, info = self.env.reset(seed=seed, options=options)
         require_info(info, self.env, after(0))
         begun = self._run.begin(self._read(self.env, observation, info, 0))
-        self._steps = 0
+        self._steps, self.expected_phase = 0, begun.expected
         if self._observer is not None:
             observation = self._observer.append(observation, begun.observed)
         return observation, self._info(info, begun, 0.0, 0.0)
@@ -135,6 +137,7 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         require_info(info, self.env, after(self._steps))
         base = reward_number(base, self.env, after(self._steps))
         step = self._run.step(self._read(self.env, observation, info, self._steps), bool(terminated))
+        self.expected_phase = step.expected
         ours = self.weight * step.paid
         reward = ours if self.replace else base + ours
         if self._observer is not None:

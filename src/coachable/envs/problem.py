@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import gymnasium
@@ -18,9 +19,11 @@ from coachable.envs.own_reward import OwnReward
 from coachable.envs.signals.reading import OnNaN
 from coachable.envs.signals.sources import SignalSources, signal_sources
 from coachable.envs.squashing import Squashing
+from coachable.envs.symmetry.derived import RobotMirror, derived_symmetry
+from coachable.envs.symmetry.phase_mirror import MirroredEnv, PhaseMirror
 from coachable.envs.walking_task import Clock, WalkingTask, make_task
 from coachable.foundation.data import plain
-from coachable.foundation.errors import MissingExtraError, PlanError
+from coachable.foundation.errors import MissingExtraError, ParameterError, PlanError
 from coachable.foundation.suggestion import suggestion
 from coachable.plants.named import name_of
 from coachable.plants.plant import Plant
@@ -245,12 +248,52 @@ class EnvironmentProblem(Problem):
             return described
         return gymnasium.wrappers.FlattenObservation(described)
 
+    def training_environment(self, setup: DescribedSetup, evaluate_every: int) -> gymnasium.Env:
+        """As a policy meets it: mirrored by phase, where it is."""
+        env, mirror = self.environment(setup), self.mirror(setup)
+        return env if mirror is None else MirroredEnv(env, mirror)
+
+    def mirror(self, setup: DescribedSetup) -> PhaseMirror | None:
+        """How the setup's policy is mirrored by phase; `None` if it is not.
+
+        **Raises:** `ParameterError` saying why it cannot be, if the setup says that it shall.
+        """
+        mirror, reason = self._mirror_or_reason(setup)
+        if reason and setup.mirror:
+            raise ParameterError(f"mirror = true: {reason}")
+        return mirror
+
+    def why_not_mirrored(self, setup: DescribedSetup) -> str:
+        """What stands against it where a description has two sides and nobody said not to; else nothing."""
+        return "" if setup.mirror is False else self._mirror_or_reason(setup)[1]
+
+    def _mirror_or_reason(self, setup: DescribedSetup) -> tuple[PhaseMirror | None, str]:
+        if setup.mirror is False:
+            return None, ""
+        if self.behaviour.symmetry is None:
+            return None, "the description has no mirror" if setup.mirror else ""
+        with closing(self.environment(setup)) as env:
+            reward: DescribedReward = env.get_wrapper_attr("behaviour_reward")
+            if isinstance(env, gymnasium.wrappers.FlattenObservation):
+                return None, f"what {self.env} observes is no row of numbers"
+        try:
+            robot = _robot_mirror(
+                self.env, json.dumps(self.env_options), self.behaviour, json.dumps(self.signals)
+            )
+        except ParameterError as error:
+            return None, str(error)
+        names = reward.observation_names if setup.observe == "memory" else ()
+        return PhaseMirror.of(robot, self.behaviour, names), ""
+
     def policy_description(self, setup: DescribedSetup) -> dict[str, Any]:
-        """What the policy remembers, if it observes that."""
-        if setup.observe == "nothing":
+        """What the policy remembers, if it observes that or is mirrored by it."""
+        mirror = self.mirror(setup)
+        if setup.observe == "nothing" and mirror is None:
             return {}
         with closing(self.environment(setup)) as env:
-            return {"memory": memory_data(env.get_wrapper_attr("behaviour_reward"))}
+            memory = memory_data(env.get_wrapper_attr("behaviour_reward"))
+        about = {"memory": memory} if setup.observe == "memory" else {}
+        return about if mirror is None else about | {"mirror": {**mirror.to_data(), "memory": memory}}
 
     @property
     def signal_sources(self) -> SignalSources | None:
@@ -298,3 +341,11 @@ def bare_environment(env: str, options: Mapping[str, Any]) -> gymnasium.Env:
         given = ", ".join(f"{name} = {value!r}" for name, value in options.items())
         given = f" with {given} (env_options)" if given else ""
         raise PlanError(f"{env!r} cannot be made{given}: {type(error).__name__}: {error}") from error
+
+
+@lru_cache
+def _robot_mirror(env: str, options: str, behaviour: Behaviour, signals: str) -> RobotMirror:
+    """The mirror image of an environment's robot, derived once for all copies of it in a process."""
+    made = bare_environment(env, json.loads(options))
+    with closing(made):
+        return derived_symmetry(made, behaviour, signal_sources(json.loads(signals))).mirror

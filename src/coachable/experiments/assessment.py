@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -17,6 +18,7 @@ from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.own_reward import OWN
 from coachable.envs.problem import PlantProblem
 from coachable.envs.rollout import Summary, rollout, summary
+from coachable.envs.symmetry.phase_mirror import EXPECTED_PHASE, PhaseMirror
 from coachable.experiments.experiment import EVALUATION_SEED, Experiment, Lane
 from coachable.experiments.log import Columns, Log
 from coachable.experiments.survival import share_up, time_up
@@ -148,7 +150,7 @@ def roll_out_episodes(
     An episode of an environment without a time limit ends after `LONGEST_EPISODE` steps.
     """
     log, limit = Log(), most_steps(env)
-    act = actor(policy)
+    act = actor(policy, env)
     for episode in range(count):
         observation, info = env.reset(seed=EVALUATION_SEED + episode)
         start = info.get("x_position", np.nan)
@@ -173,10 +175,25 @@ def roll_out_episodes(
     return with_share(log.columns())
 
 
-def actor(policy: Policy) -> Callable[[np.ndarray], np.ndarray]:
-    """The policy as a function of an observation, compiled once for all policies of its shape."""
-    leaves, shape = jax.tree.flatten(policy)
-    return lambda observation: np.asarray(_act(shape, leaves, np.asarray(observation, np.float32)))
+def actor(policy: Policy, env: gymnasium.Env) -> Callable[[np.ndarray], np.ndarray]:
+    """The policy as a function of what is observed in an environment, mirrored by phase where it is.
+
+    Compiled once for all policies of its shape.
+    """
+    leaves, shape = jax.tree.flatten(replace(policy, mirror=""))
+
+    def act(observation: np.ndarray) -> np.ndarray:
+        return np.asarray(_act(shape, leaves, np.asarray(observation, np.float32)))
+
+    mirror = PhaseMirror.from_json(policy.mirror)
+    if mirror is None:
+        return act
+
+    def act_by_phase(observation: np.ndarray) -> np.ndarray:
+        phase = env.get_wrapper_attr(EXPECTED_PHASE)
+        return mirror.done(act(mirror.observed(observation, phase)), phase)
+
+    return act_by_phase
 
 
 # A call of `eqx.filter_jit` takes several times as long, and it is made in every step.

@@ -217,7 +217,9 @@ def differences(ours: Experiment, theirs: Experiment) -> list[str]:
 
 def _weights(setup: Setup) -> dict[str, Any]:
     """The setup's table; of a plant's setup the settings beside its weights only if they are not as usual."""
-    table = {key: value for key, value in dataclasses.asdict(setup).items() if key != "name"}
+    table = {
+        key: value for key, value in dataclasses.asdict(setup).items() if key != "name" and value is not None
+    }
     if isinstance(setup, RewardSetup):
         usual = dataclasses.asdict(RewardSetup(setup.name))
         table = {key: value for key, value in table.items() if key in TERM_NAMES or value != usual[key]}

@@ -101,8 +101,9 @@ def recorded_walk(
         return recorded_plant_walk(run, setup, seed, which, episode, seconds)
     policy = run.policy(setup, seed, which)
     described = run.experiment.setup(setup)
-    appended = len(run.behaviour.phases) + 1 if described.observe != "nothing" else 0
     with closing(around(problem.environment(described))) as env:
+        names = env.get_wrapper_attr("behaviour_reward").observation_names
+        appended = len(names) if described.observe != "nothing" else 0
         dt = step_seconds(problem, env)
         has_pack = not problem.signals and problem.env in SIGNAL_PACKS
         signals = signal_pack(problem.env).signals if has_pack else run.behaviour.signals
@@ -172,7 +173,7 @@ class _Step(NamedTuple):
 
 def _steps(env: gymnasium.Env, policy: Policy, episode: int, wanted: float) -> Iterator[_Step]:
     """The start of an episode, and step after step of it, while the environment is as that step left it."""
-    act, limit = actor(policy), min(wanted, most_steps(env))
+    act, limit = actor(policy, env), min(wanted, most_steps(env))
     observation, info = env.reset(seed=EVALUATION_SEED + episode)
     yield _Step(observation, info, info["behaviour"]["location"], False, 0.0, 0.0, False)
     count, over = 0, False

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from coachable.foundation.errors import MissingExtraError
+from coachable.foundation.errors import MissingExtraError, ParameterError
 from coachable.learning.policy import Policy
 from coachable.rewards.controller_memory import ControllerMemory
 
@@ -32,12 +32,17 @@ def onnx_bytes(policy: Policy) -> bytes:
 
     What else describes the policy is in the model's metadata as `description`, JSON.
 
-    **Raises:** `MissingExtraError` without the packages of the extra [onnx].
+    **Raises:** `MissingExtraError` without the packages of the extra [onnx]; `ParameterError` for a policy
+    that is mirrored by phase.
     """
     try:
         from onnx import checker, helper
     except ImportError:
         raise MissingExtraError("an ONNX file", "onnx") from None
+    if policy.mirror:
+        raise ParameterError(
+            "this policy is mirrored by phase, which no ONNX file says yet; train it with mirror = false"
+        )
     memory = ControllerMemory.of(policy)
     model = _network(policy, OPSET) if memory is None else _with_memory(policy, memory)
     signals = {} if memory is None else {"signals": json.dumps(memory.signal_names)}

@@ -48,6 +48,8 @@ class Policy(eqx.Module):
     memory: str = eqx.field(static=True, default="")
     """What it observes behind a plant's state, as JSON: `behaviour`, the text, and `reward_variant`, the form
     whose memory it is. Empty for a state feedback."""
+    mirror: str = eqx.field(static=True, default="")
+    """How it is mirrored by phase, as JSON; see `PhaseMirror`. Called, it is not: who calls it does that."""
 
     def __check_init__(self) -> None:
         for name, known in (
@@ -124,6 +126,7 @@ class Policy(eqx.Module):
             "clock": self.clock,
             **({} if self.scale is None else {"bound": self.bound}),
             **({"memory": json.loads(self.memory)} if self.memory else {}),
+            **({"mirror": json.loads(self.mirror)} if self.mirror else {}),
         }
 
     @classmethod
@@ -161,7 +164,11 @@ class Policy(eqx.Module):
                 **({"bound": description["bound"]} if "bound" in description else {}),
                 std=jnp.asarray(tensors["std"]) if "std" in tensors else None,
                 deterministic=description.get("deterministic", "clipped-mean"),
-                memory=json.dumps(description["memory"], sort_keys=True) if "memory" in description else "",
+                **{
+                    name: json.dumps(description[name], sort_keys=True)
+                    for name in ("memory", "mirror")
+                    if name in description
+                },
             )
         except (KeyError, TypeError, ValueError) as error:
             raise RunFolderError(f"the policy's file lacks {error}") from error

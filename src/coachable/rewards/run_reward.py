@@ -34,6 +34,8 @@ class RunStep(NamedTuple):
     """What else the form has to report."""
     observed: Float[np.ndarray, " numbers"]
     """What a policy may see of the memory after it."""
+    expected: int
+    """The phase that is expected after it, or K."""
 
 
 @dataclass(slots=True)
@@ -137,9 +139,11 @@ class RunReward:
         verdict: Mapping[str, bool],
         form: Mapping[str, bool | int | float],
     ) -> RunStep:
-        observed = self._reward.observed(memory[0], np.asarray(location), np.zeros(()))
+        place = np.asarray(location)
+        observed = self._reward.observed(memory[0], place, np.zeros(()))
+        expected = int(self._reward.bound_form.expected(memory[0], place))
         phase = self._reward.phase_names[location]
-        return RunStep(_plain(memory), paid, phase, location, cycles, verdict, form, observed)
+        return RunStep(_plain(memory), paid, phase, location, cycles, verdict, form, observed, expected)
 
 
 def _plain(tree: Any) -> Any:

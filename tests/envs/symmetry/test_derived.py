@@ -1,4 +1,4 @@
-"""Mirror images of MuJoCo's robots: what is derived is what the simulator does, and what cannot be is named."""
+"""Mirror images of MuJoCo's robots: what is derived is what the simulator does; what cannot be is named."""
 
 import json
 
@@ -105,7 +105,9 @@ def test_a_description_has_to_agree():
     agrees = parse(FEET.format(mirror="mirror left <-> right"))
     assert derived_symmetry(gymnasium.make("Walker2d-v5"), agrees).exchanged
     contradicts = parse(FEET.format(mirror="mirror up <-> down"))
-    with pytest.raises(ParameterError, match="in the mirror left_foot_contact becomes left_foot_contact, but"):
+    with pytest.raises(
+        ParameterError, match="in the mirror left_foot_contact becomes left_foot_contact, but"
+    ):
         derived_symmetry(gymnasium.make("Walker2d-v5"), contradicts)
 
 

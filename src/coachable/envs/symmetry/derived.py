@@ -1,8 +1,8 @@
 """A robot's mirror image as its policy meets it: which observation and which action is whose, with signs.
 
-It is derived from the model (`mujoco_mirror`) and from observations of states and of their images, and tested
-against the simulator before anybody uses it. Where the two sides of a model differ, the differences are named,
-and the test is made of a copy in which they do not.
+It is derived from the model (`mujoco_mirror`) and from observations of states and of their images, and
+tested against the simulator before anybody uses it. Where the two sides of a model differ, that is named, and
+the test is made of a model in which they do not.
 """
 
 from __future__ import annotations
@@ -19,12 +19,18 @@ from scipy.optimize import linear_sum_assignment
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.signals.pack import environment_name
 from coachable.envs.signals.reading import Signals, reader_of_one
-from coachable.envs.symmetry.mujoco_mirror import Difference, MujocoMirror, differences, equal_sides, mirrors_of
+from coachable.envs.symmetry.mujoco_mirror import (
+    Difference,
+    MujocoMirror,
+    differences,
+    equal_sides,
+    mirrors_of,
+)
 from coachable.envs.symmetry.signed_permutation import SignedPermutation
 from coachable.foundation.errors import ParameterError, SignalError
 
 NUM_STATES = 200
-"""States of short random episodes, in which what is observed is compared with what is observed of their images."""
+"""States of short random episodes, whose observations are compared with those of their images."""
 STEPS = (1, 10, 100)
 """After so many small steps of the simulator states and their images are compared."""
 BOUNDS = (1e-9, 1e-6)
@@ -170,9 +176,7 @@ def _as_described(
     raise ParameterError(complaint)
 
 
-def _observation_map(
-    env: gymnasium.Env, mirror: MujocoMirror, states: Sequence[_State]
-) -> SignedPermutation:
+def _observation_map(env: gymnasium.Env, mirror: MujocoMirror, states: Sequence[_State]) -> SignedPermutation:
     """The signed permutation P with obs(image of a state) = P obs(state).
 
     **Raises:** `ParameterError` naming what is observed and has no partner.
@@ -183,12 +187,7 @@ def _observation_map(
     )
     size = np.maximum(np.abs(ours).max(axis=0), np.abs(theirs).max(axis=0))
     scale = np.maximum(size, 1.0)
-    apart = np.array(
-        [
-            [np.abs(theirs[:, None, :] - sign * ours[:, source, None, None]).max(axis=(0, 1)) for sign in (1, -1)]
-            for source in range(ours.shape[1])
-        ]
-    )
+    apart = np.array([_apart_with_signs(ours[:, source], theirs) for source in range(ours.shape[1])])
     # Whose image is whose goes both ways, with one sign.
     apart = np.maximum(apart, apart.transpose(2, 1, 0))
     # What is always 0 could be anybody's image, and stays where it is; so does what else is as good there.
@@ -199,8 +198,16 @@ def _observation_map(
     left_over = [place for place in range(len(places)) if cost[source_of[place], place] > 2 * _ALIKE]
     if left_over:
         raise ParameterError(_unpaired(env, left_over))
-    signs = [1 if apart[source, 0, place] <= apart[source, 1, place] else -1 for place, source in enumerate(source_of)]
-    return SignedPermutation(tuple(source_of.tolist()), tuple(signs))
+    same, turned = apart[source_of, :, np.arange(len(source_of))].T
+    signs = np.where(same <= turned, 1, -1)
+    return SignedPermutation(tuple(source_of.tolist()), tuple(signs.tolist()))
+
+
+def _apart_with_signs(
+    source: Float[np.ndarray, " states"], theirs: Float[np.ndarray, "states places"]
+) -> Float[np.ndarray, "2 places"]:
+    """How far a number is at most from each number of the images, with its sign and with the other."""
+    return np.stack([np.abs(theirs - sign * source[:, None]).max(axis=0) for sign in (1, -1)])
 
 
 def _unpaired(env: gymnasium.Env, places: Sequence[int]) -> str:

@@ -1,4 +1,4 @@
-"""The mirror image of a MuJoCo robot: which body, joint and motor is whose image, by the geometry of its model.
+"""The mirror image of a MuJoCo robot: which body, joint and motor is whose image, by its model's geometry.
 
 The robot's pose at home is reflected at the plane between left and right, y → −y. A position is a vector; the
 axis of a hinge and an angular velocity are pseudo-vectors, which a reflection turns the other way round.
@@ -214,7 +214,9 @@ def _mirror(home: _Home, bodies: tuple[int, ...]) -> MujocoMirror | None:
             for offset, own in enumerate((1, -1, 1, -1, 1, -1)):
                 velocities[v + offset] = v + offset, own
         elif model.jnt_type[joint] == _BALL:
-            raise ParameterError(f"joint {model.joint(joint).name} is a ball joint, which is not reflected here")
+            raise ParameterError(
+                f"joint {model.joint(joint).name} is a ball joint, which is not reflected here"
+            )
         else:
             positions[of_q], velocities[of_v] = (q, sign), (v, sign)
     controls = [(0, 1)] * model.nu

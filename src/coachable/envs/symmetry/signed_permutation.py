@@ -45,7 +45,9 @@ class SignedPermutation:
     def is_involution(self) -> bool:
         """Whether the image of an image is the original."""
         sources, signs = self._arrays
-        return bool((sources[sources] == np.arange(len(sources))).all() and (signs * signs[sources] == 1).all())
+        return bool(
+            (sources[sources] == np.arange(len(sources))).all() and (signs * signs[sources] == 1).all()
+        )
 
     @property
     def moved(self) -> tuple[int, ...]:

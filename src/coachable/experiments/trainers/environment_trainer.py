@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from coachable.envs.problem import Problem
+from coachable.envs.problem import EnvironmentProblem, Problem
 from coachable.experiments.assessment import LONGEST_EPISODE, most_steps
 from coachable.experiments.trainers.lane_processes import run_lanes
 from coachable.experiments.trainers.process_lane import LaneWork, ProcessLane
@@ -51,6 +51,7 @@ class EnvironmentTrainer(Trainer):
                 raise PlanError(f"setup {setup.name!r}: {error}") from None
             finally:
                 env.close()
+        self._say_what_is_not_mirrored(experiment)
         if experiment.setups and most_steps(env) == LONGEST_EPISODE:
             name = experiment.problem.robot
             print(
@@ -58,6 +59,13 @@ class EnvironmentTrainer(Trainer):
                 f"{LONGEST_EPISODE:,} steps",
                 file=sys.stderr,
             )
+
+    def _say_what_is_not_mirrored(self, experiment: Experiment) -> None:
+        problem = experiment.problem
+        if isinstance(problem, EnvironmentProblem):
+            reasons = {problem.why_not_mirrored(setup): None for setup in experiment.setups}
+            for reason in filter(None, reasons):
+                print(f"coachable: trained without mirroring by phase: {reason}", file=sys.stderr)
 
     def batch_sizes(self, experiment: Experiment, num_workers: int) -> tuple[int, ...]:
         """Every lane by itself."""

@@ -77,7 +77,8 @@ class LaneWork:
         due = [step for steps in evaluation_steps(experiment).values() for step in steps]
         with _tracked(self.track) as note:
             rule = experiment.deterministic[0]
-            training = _Training(learner, episodes, measure, rule, due, self.path, report, note)
+            about = experiment.problem.policy_description(setup)
+            training = _Training(learner, episodes, measure, rule, about, due, self.path, report, note)
             if self.path.exists():
                 training.restore()
             learner.learn(experiment.total_steps, training.between)
@@ -159,6 +160,7 @@ class _Training:
         episodes: Episodes,
         measure: Assessment,
         rule: Deterministic,
+        about: Mapping[str, Any],
         due: list[int],
         path: Path,
         report: Report,
@@ -166,6 +168,7 @@ class _Training:
     ):
         self._learner, self._episodes, self._measure = learner, episodes, measure
         self._rule: Deterministic = rule
+        self._about = about
         self._due, self._path, self._report, self._note = due, path, report, note
         self._evaluations = Log()
         self._tables: dict[str, Columns] = {}
@@ -238,7 +241,8 @@ class _Training:
             self._best, self._best_return = policy, score
 
     def _policy(self) -> Policy:
-        return self._learner.policy().acting(self._rule)
+        policy = self._learner.policy().acting(self._rule)
+        return Policy.of(policy.tensors(), policy.description() | self._about)
 
     def _save(self) -> None:
         began = time.monotonic()
@@ -304,12 +308,7 @@ class ProcessLane:
 
     def policies(self) -> Mapping[tuple[Lane, Which], Policy]:
         """The last policy and the best."""
-        experiment = self.work.experiment
-        about = experiment.problem.policy_description(experiment.setup(self.work.lane.setup))
-        return {
-            (self.work.lane, which): Policy.of(policy.tensors(), policy.description() | about)
-            for which, policy in self._load()[1].items()
-        }
+        return {(self.work.lane, which): policy for which, policy in self._load()[1].items()}
 
     def trajectories(self) -> Mapping[tuple[Lane, Which], Trajectory]:
         """The evaluation episode of each of them, for a plant; empty for a Gymnasium environment."""

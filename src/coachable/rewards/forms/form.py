@@ -123,6 +123,10 @@ class BoundForm(abc.ABC):
     def pay(self, memory: tuple, step: Step) -> tuple[tuple, Payment]:
         """The memory after a step, and what the step pays."""
 
+    def expected(self, memory: tuple, location: Int[Any, "*batch"]) -> Int[Any, "*batch"]:
+        """The phase that a run should be in, or K if none; by default the one that it is in."""
+        return location
+
     @property
     def observation_names(self) -> tuple[str, ...]:
         """Names of the numbers that a policy may observe of the run; by default one for each location."""

@@ -152,6 +152,10 @@ class BoundSchedule(BoundForm):
         }
         return after, Payment(terms, in_step, {"expected": expected, "expected_time": time})
 
+    def expected(self, memory: tuple, location: Int[Any, "*batch"]) -> Int[Any, "*batch"]:
+        """Where the expected run is."""
+        return memory[0]
+
     @property
     def table(self) -> Int8[np.ndarray, "expected location"]:
         """±1 by the phase that was expected, the last row if none was, and the location; times apart."""

@@ -111,7 +111,8 @@ class EpisodeLoop:
         env = problem.environment(described)
         dt = step_seconds(problem, env)
         # What the policy does not see of the behaviour's reward need not be computed.
-        return EpisodeLoop(env.env if described.observe == "nothing" else env, policy, dt)
+        needed = described.observe != "nothing" or policy.mirror
+        return EpisodeLoop(env if needed else env.env, policy, dt)
 
     @property
     def num_actions(self) -> int:
@@ -131,7 +132,8 @@ class EpisodeLoop:
 
     def run(self, episode: int, disturbance: EpisodeDisturbance, seconds: float) -> EpisodeEnd:
         """An episode of the evaluations with a disturbance, for at most so many seconds."""
-        env, act = DisturbedEnv(self.env, disturbance), actor(self.policy)
+        env = DisturbedEnv(self.env, disturbance)
+        act = actor(self.policy, env)
         observation, _ = env.reset(seed=EVALUATION_SEED + episode)
         count, own, fell, over = 0, 0.0, False, False
         while not over and count < self.num_steps(seconds):
