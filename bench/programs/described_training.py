@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import gymnasium
-import mujoco
+import mujoco as _mujoco
 
 from coachable.behaviours.text.parser import parse
 from coachable.envs.problem import EnvironmentProblem
@@ -18,6 +18,9 @@ from coachable.experiments.trainers.stable_baselines3 import StableBaselines3
 from coachable.experiments.trainers.trainer import Trainer
 from coachable.learning.config import EnvironmentPPOConfig
 from coachable.rewards.setup import DescribedSetup
+
+mujoco: Any = _mujoco
+"""Its bindings say nothing of what is in it."""
 
 SIGNALS = {
     "Walker2d-v5": ("right_foot_contact", {}),
@@ -128,14 +131,14 @@ def prepare(env: str, num_updates: int):
 
 def _training(problem: EnvironmentProblem, trainer: Trainer, around: Any) -> Any:
     """A lane of a trainer of environments, as its process runs it."""
+    setup, episodes = DescribedSetup(name="both"), Episodes()
     experiment = Experiment(
         name="bench",
         problem=problem,
-        setups=(DescribedSetup(name="both"),),
+        setups=(setup,),
         trainer=trainer,
         described_by="steps",
     )
-    setup, episodes = experiment.setups[0], Episodes()
     measure = assessment(experiment, Lane(setup.name, 0))
 
     def make() -> gymnasium.Env:

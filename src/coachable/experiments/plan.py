@@ -360,8 +360,10 @@ def _trainer(name: str, given: Mapping[str, Any], sources: str, *, of_plant: boo
     settings = {**given.get(table, {}), **given.get("settings", {})}
     try:
         if name == "ppo":
-            kind, config = (PPO, PPOConfig) if of_plant else (EnvironmentPPO, EnvironmentPPOConfig)
-            return kind(config(**structure_given(config, settings, "the trainer", PlanError, "ppo")))
+            if of_plant:
+                return PPO(PPOConfig(**structure_given(PPOConfig, settings, "the trainer", PlanError, "ppo")))
+            given_here = structure_given(EnvironmentPPOConfig, settings, "the trainer", PlanError, "ppo")
+            return EnvironmentPPO(EnvironmentPPOConfig(**given_here))
         if name in _ALGORITHMS:
             return StableBaselines3(name, settings)  # pyright: ignore[reportArgumentType]
     except PlanError as error:

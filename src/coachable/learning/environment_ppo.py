@@ -335,10 +335,10 @@ def _improve(
     rollout = ppo.Rollout(
         observations=scaling(gathered.observations),
         next_observations=scaling(gathered.next_observations),
-        actions=gathered.actions,
+        actions=jnp.asarray(gathered.actions),
         log_probabilities=ppo.gaussian_log_probability(noise, log_std),
-        rewards=gathered.rewards,
-        terminated=gathered.terminated,
-        truncated=gathered.truncated,
+        rewards=jnp.asarray(gathered.rewards),
+        terminated=jnp.asarray(gathered.terminated),
+        truncated=jnp.asarray(gathered.truncated),
     )
     return ppo.improve(config, state, rollout)

@@ -164,11 +164,8 @@ class Policy(eqx.Module):
                 **({"bound": description["bound"]} if "bound" in description else {}),
                 std=jnp.asarray(tensors["std"]) if "std" in tensors else None,
                 deterministic=description.get("deterministic", "clipped-mean"),
-                **{
-                    name: json.dumps(description[name], sort_keys=True)
-                    for name in ("memory", "mirror")
-                    if name in description
-                },
+                memory=_json(description.get("memory")),
+                mirror=_json(description.get("mirror")),
             )
         except (KeyError, TypeError, ValueError) as error:
             raise RunFolderError(f"the policy's file lacks {error}") from error
@@ -183,6 +180,11 @@ class Policy(eqx.Module):
         if policy.std is not None and (policy.std.shape != policy.low.shape or (policy.std <= 0).any()):
             raise RunFolderError("the policy's std must be one number above 0 for each action")
         return policy
+
+
+def _json(data: Any) -> str:
+    """As a policy keeps it; empty for what is not there."""
+    return "" if data is None else json.dumps(data, sort_keys=True)
 
 
 def _are_sizes(sizes: Any) -> bool:

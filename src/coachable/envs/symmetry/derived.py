@@ -23,6 +23,7 @@ from coachable.envs.symmetry.mujoco_mirror import (
     Difference,
     MujocoMirror,
     differences,
+    engine,
     equal_sides,
     mirrors_of,
 )
@@ -238,12 +239,10 @@ def _seen(env: gymnasium.Env, qpos: np.ndarray, qvel: np.ndarray, controls: np.n
 
 def _place(env: gymnasium.Env, qpos: np.ndarray, qvel: np.ndarray, controls: np.ndarray) -> None:
     """Put the simulator into a state, whatever it was in before, and work out the forces in it."""
-    import mujoco
-
     base = _base(env)
     base.data.ctrl[:], base.data.qacc_warmstart[:] = controls, 0
     base.set_state(qpos, qvel)
-    mujoco.mj_rnePostConstraint(base.model, base.data)
+    engine().mj_rnePostConstraint(base.model, base.data)
 
 
 def _observed(env: gymnasium.Env) -> Any:
@@ -257,9 +256,8 @@ def _observed(env: gymnasium.Env) -> Any:
 
 def _errors(model: Any, mirror: MujocoMirror, states: Sequence[_State]) -> dict[int, float]:
     """How far states and their images are apart after so many small steps, at most."""
-    import mujoco
-
-    rng, errors = np.random.default_rng(1), dict.fromkeys(STEPS, 0.0)
+    mujoco, rng = engine(), np.random.default_rng(1)
+    errors: dict[int, float] = dict.fromkeys(STEPS, 0.0)
     low, high = model.actuator_ctrlrange.T
     for state in states[:NUM_TESTS]:
         ours, theirs = mujoco.MjData(model), mujoco.MjData(model)

@@ -129,8 +129,7 @@ def equal_sides(model: Any, mirror: MujocoMirror, found: Sequence[Difference]) -
 
     Its solver, too, which may take one contact after the other, is made one that takes them all at once.
     """
-    import mujoco
-
+    mujoco = engine()
     for each in found:
         getattr(getattr(model, each.kind)(each.places[1]), each.field)[:] = each.expected
     if found:
@@ -138,12 +137,18 @@ def equal_sides(model: Any, mirror: MujocoMirror, found: Sequence[Difference]) -
     model.opt.solver, model.opt.iterations, model.opt.tolerance = mujoco.mjtSolver.mjSOL_NEWTON, 200, 0.0
 
 
+def engine() -> Any:
+    """The simulator's package, whose bindings say nothing of what is in it."""
+    import mujoco
+
+    return mujoco
+
+
 class _Home:
     """A model's pose at home."""
 
     def __init__(self, model: Any):
-        import mujoco
-
+        mujoco = engine()
         self.model, data = model, mujoco.MjData(model)
         mujoco.mj_forward(model, data)
         self.anchors, self.axes = data.xanchor.copy(), data.xaxis.copy()

@@ -14,6 +14,7 @@ from coachable.experiments.trainers.lane_processes import run_lanes
 from coachable.experiments.trainers.process_lane import LaneWork, ProcessLane
 from coachable.experiments.trainers.trainer import Learner, MakeEnv, Trainer, Watch, Work
 from coachable.foundation.errors import CoachableError, PlanError
+from coachable.rewards.setup import DescribedSetup
 
 if TYPE_CHECKING:
     from coachable.experiments.experiment import Experiment
@@ -63,8 +64,8 @@ class EnvironmentTrainer(Trainer):
     def _say_what_is_not_mirrored(self, experiment: Experiment) -> None:
         problem = experiment.problem
         if isinstance(problem, EnvironmentProblem):
-            reasons = {problem.why_not_mirrored(setup): None for setup in experiment.setups}
-            for reason in filter(None, reasons):
+            setups = (setup for setup in experiment.setups if isinstance(setup, DescribedSetup))
+            for reason in filter(None, dict.fromkeys(map(problem.why_not_mirrored, setups))):
                 print(f"coachable: trained without mirroring by phase: {reason}", file=sys.stderr)
 
     def batch_sizes(self, experiment: Experiment, num_workers: int) -> tuple[int, ...]:

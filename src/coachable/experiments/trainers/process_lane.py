@@ -242,7 +242,7 @@ class _Training:
 
     def _policy(self) -> Policy:
         policy = self._learner.policy().acting(self._rule)
-        return Policy.of(policy.tensors(), policy.description() | self._about)
+        return Policy.of(policy.tensors(), {**policy.description(), **self._about})
 
     def _save(self) -> None:
         began = time.monotonic()

@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 from jaxtyping import Float
 
+from coachable.envs.behaviour_reward import BehaviourReward
 from coachable.envs.own_reward import OWN
 from coachable.envs.problem import EnvironmentProblem
 from coachable.experiments.assessment import actor
@@ -111,8 +112,8 @@ class EpisodeLoop:
         env = problem.environment(described)
         dt = step_seconds(problem, env)
         # What the policy does not see of the behaviour's reward need not be computed.
-        needed = described.observe != "nothing" or policy.mirror
-        return EpisodeLoop(env if needed else env.env, policy, dt)
+        bare = isinstance(env, BehaviourReward) and described.observe == "nothing" and not policy.mirror
+        return EpisodeLoop(env.env if bare else env, policy, dt)
 
     @property
     def num_actions(self) -> int:
