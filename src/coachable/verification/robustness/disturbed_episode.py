@@ -112,8 +112,9 @@ class EpisodeLoop:
         env = problem.environment(described)
         dt = step_seconds(problem, env)
         # What the policy does not see of the behaviour's reward need not be computed.
-        bare = isinstance(env, BehaviourReward) and described.observe == "nothing" and not policy.mirror
-        return EpisodeLoop(env.env if bare else env, policy, dt)
+        if isinstance(env, BehaviourReward) and described.observe == "nothing" and not policy.mirror:
+            return EpisodeLoop(env.env, policy, dt)
+        return EpisodeLoop(env, policy, dt)
 
     @property
     def num_actions(self) -> int:
