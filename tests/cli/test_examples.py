@@ -129,6 +129,7 @@ def test_commands_that_print_numbers_print_json_too():
         "explain",
         "limits",
         "audit",
+        "symmetry",
     }
     assert printing == {
         name for name, command in cli.COMMANDS.items() if "json" in inspect.signature(command).parameters

@@ -359,9 +359,6 @@ def test_train_needs_a_plan_or_an_environment(capsys):
     _, err, status = call(capsys, "train", "--behaviour", "hop")
     assert status == 2
     assert "train what?" in err
-    _, err, status = call(capsys, "train", "--env", "Walker2d-v5", "--behaviour", "hop", "--trainer", "ppo")
-    assert status == 2
-    assert "take sb3-ppo" in err
     walker = ("--env", "coachable/CompassWalker-v0", "--behaviour", "compass-walking")
     _, err, status = call(capsys, "train", *walker, "--weight", "0.5")
     assert status == 2
