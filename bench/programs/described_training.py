@@ -106,17 +106,15 @@ def prepare(env: str, num_updates: int):
         recorded.append(_Recorded(env))
         return recorded[-1]
 
-    works = {
-        "coachable": _training(problem, EnvironmentPPO(ours), recording),
-        "stable-baselines3": _training(problem, StableBaselines3("sb3-ppo", theirs), lambda env: env),
-    }
+    our_training = _training(problem, EnvironmentPPO(ours), recording)
+    their_training = _training(problem, StableBaselines3("sb3-ppo", theirs), lambda env: env)
 
     def train() -> None:
         for each in recorded:
             each.told.clear()
             if each.simulator.data.time:
                 each.keep_state()
-        works["coachable"](num_updates)
+        our_training(num_updates)
 
     def simulate() -> None:
         for each in recorded:
@@ -124,7 +122,7 @@ def prepare(env: str, num_updates: int):
 
     return {
         "coachable": train,
-        "stable-baselines3": lambda: works["stable-baselines3"](num_updates),
+        "stable-baselines3": lambda: their_training(num_updates),
         "mj_step": simulate,
     }, num_updates * ours.rollout_size
 

@@ -16,21 +16,7 @@ from coachable.experiments.trainers.environment_ppo import EnvironmentPPO
 from coachable.experiments.trainers.process_lane import LaneWork, load_lane
 from coachable.foundation.errors import PlanError
 from coachable.learning.config import EnvironmentPPOConfig
-
-SWING = """
-behaviour "swing"
-
-signals
-  height        the cosine of the angle from upright
-  speed         angular velocity
-
-phases
-  low "hangs":    height < 0
-  high "stands":  height >= 0
-
-cycle
-  low -> high -> low
-"""
+from tests.experiments.swing import SWING
 
 PLAN = """
 env = "Pendulum-v1"

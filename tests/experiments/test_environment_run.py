@@ -28,23 +28,9 @@ from coachable.experiments.recorded_episodes import recorded_walk
 from coachable.experiments.run_folder.reader import Run
 from coachable.experiments.runner import run_experiment
 from coachable.foundation.errors import BehaviourError, CoachableError, PlanError, RunFolderError
+from tests.experiments.swing import SWING
 
 pytestmark = pytest.mark.sb3
-
-SWING = """
-behaviour "swing"
-
-signals
-  height        the cosine of the angle from upright
-  speed         angular velocity
-
-phases
-  low "hangs":    height < 0
-  high "stands":  height >= 0
-
-cycle
-  low -> high -> low
-"""
 
 PLAN = """
 env = "Pendulum-v1"

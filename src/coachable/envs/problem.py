@@ -250,47 +250,49 @@ class EnvironmentProblem(Problem):
 
     def training_environment(self, setup: DescribedSetup, evaluate_every: int) -> gymnasium.Env:
         """As a policy meets it: mirrored by phase, where it is."""
-        env, mirror = self.environment(setup), self.mirror(setup)
+        env = self.environment(setup)
+        mirror = self._mirror_in(env, setup)
         return env if mirror is None else MirroredEnv(env, mirror)
 
     def mirror(self, setup: DescribedSetup) -> PhaseMirror | None:
         """How the setup's policy is mirrored by phase; `None` if it is not.
 
-        **Raises:** `ParameterError` saying why it cannot be, if the setup says that it shall.
+        **Raises:** `ParameterError` with the reason, where the setup demands a mirror and there is none.
         """
-        mirror, reason = self._mirror_or_reason(setup)
-        if reason and setup.mirror:
-            raise ParameterError(f"mirror = true: {reason}")
-        return mirror
+        with closing(self.environment(setup)) as env:
+            return self._mirror_in(env, setup)
 
     def why_not_mirrored(self, setup: DescribedSetup) -> str:
-        """What stands against it where a description has two sides and nobody said not to; else nothing."""
-        return "" if setup.mirror is False else self._mirror_or_reason(setup)[1]
+        """Why a description with two sides is not mirrored, where the setup allows it; else nothing."""
+        with closing(self.environment(setup)) as env:
+            return self._mirror_or_reason(env, setup)[1]
 
-    def _mirror_or_reason(self, setup: DescribedSetup) -> tuple[PhaseMirror | None, str]:
+    def _mirror_in(self, env: gymnasium.Env, setup: DescribedSetup) -> PhaseMirror | None:
+        mirror, reason = self._mirror_or_reason(env, setup)
+        if reason and setup.mirror:
+            raise ParameterError(f"mirror = true: {reason}; leave it out, or write mirror = false")
+        return mirror
+
+    def _mirror_or_reason(self, env: gymnasium.Env, setup: DescribedSetup) -> tuple[PhaseMirror | None, str]:
         if setup.mirror is False:
             return None, ""
         if self.behaviour.symmetry is None:
             return None, "the description has no mirror" if setup.mirror else ""
-        with closing(self.environment(setup)) as env:
-            reward: DescribedReward = env.get_wrapper_attr("behaviour_reward")
-            if isinstance(env, gymnasium.wrappers.FlattenObservation):
-                return None, f"what {self.env} observes is no row of numbers"
-        try:
-            robot = _robot_mirror(
-                self.env, json.dumps(self.env_options), self.behaviour, json.dumps(self.signals)
-            )
-        except ParameterError as error:
-            return None, str(error)
+        if isinstance(env, gymnasium.wrappers.FlattenObservation):
+            return None, f"what {self.env} observes is no row of numbers"
+        robot = _robot_mirror(self)
+        if isinstance(robot, str):
+            return None, robot
+        reward: DescribedReward = env.get_wrapper_attr("behaviour_reward")
         names = reward.observation_names if setup.observe == "memory" else ()
         return PhaseMirror.of(robot, self.behaviour, names), ""
 
     def policy_description(self, setup: DescribedSetup) -> dict[str, Any]:
         """What the policy remembers, if it observes that or is mirrored by it."""
-        mirror = self.mirror(setup)
-        if setup.observe == "nothing" and mirror is None:
-            return {}
         with closing(self.environment(setup)) as env:
+            mirror = self._mirror_in(env, setup)
+            if setup.observe == "nothing" and mirror is None:
+                return {}
             memory = memory_data(env.get_wrapper_attr("behaviour_reward"))
         about = {"memory": memory} if setup.observe == "memory" else {}
         return about if mirror is None else about | {"mirror": {**mirror.to_data(), "memory": memory}}
@@ -344,8 +346,10 @@ def bare_environment(env: str, options: Mapping[str, Any]) -> gymnasium.Env:
 
 
 @lru_cache
-def _robot_mirror(env: str, options: str, behaviour: Behaviour, signals: str) -> RobotMirror:
-    """The mirror image of an environment's robot, derived once for all copies of it in a process."""
-    made = bare_environment(env, json.loads(options))
-    with closing(made):
-        return derived_symmetry(made, behaviour, signal_sources(json.loads(signals))).mirror
+def _robot_mirror(problem: EnvironmentProblem) -> RobotMirror | str:
+    """The mirror image of a problem's robot, or why it has none: derived once for all copies in a process."""
+    with closing(bare_environment(problem.env, problem.env_options)) as env:
+        try:
+            return derived_symmetry(env, problem.behaviour, problem.signal_sources).mirror
+        except ParameterError as error:
+            return str(error)

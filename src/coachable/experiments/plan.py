@@ -252,6 +252,7 @@ def _resolved(
     if compass_walker:
         defaults["count"] = 1
     seeds = structure_given(_Seeds, given.get("seeds", {}), sources, PlanError, "seeds")
+    # Plans from when only stable-baselines3 trained environments name it by its table alone.
     if not of_plant and given.get("sb3"):
         defaults["trainer"] = "sb3-ppo"
     trainer = _trainer(given.get("trainer", defaults["trainer"]), given, sources, of_plant=of_plant)

@@ -106,7 +106,8 @@ def test_a_description_has_to_agree():
     assert derived_symmetry(gymnasium.make("Walker2d-v5"), agrees).exchanged
     contradicts = parse(FEET.format(mirror="mirror up <-> down"))
     with pytest.raises(
-        ParameterError, match="in the mirror left_foot_contact becomes left_foot_contact, but"
+        ParameterError,
+        match="in the mirror of behaviour 'feet' left_foot_contact becomes left_foot_contact, but",
     ):
         derived_symmetry(gymnasium.make("Walker2d-v5"), contradicts)
 

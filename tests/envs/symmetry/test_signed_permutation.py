@@ -20,7 +20,7 @@ def test_numbers_change_places_and_signs():
 
 def test_a_mirror_undoes_itself():
     assert SWAP.is_involution
-    assert SignedPermutation.identity(3).is_involution
+    assert SignedPermutation((0, 1, 2), (1, 1, 1)).is_involution
     assert not SignedPermutation((1, 2, 0), (1, 1, 1)).is_involution
     assert not SignedPermutation((1, 0), (1, -1)).is_involution
 

@@ -94,7 +94,7 @@ def derived_symmetry(
     mirror = _as_described(env, candidates, states, behaviour, signals)
     found = differences(base.model, mirror)
     errors_as_it_is = _errors(base.model, mirror, states)
-    equal_sides(base.model, mirror, found)
+    equal_sides(base.model, found)
     errors = _errors(base.model, mirror, states)
     for steps, bound in zip(STEPS, BOUNDS, strict=False):
         if errors[steps] > bound:
@@ -103,11 +103,10 @@ def derived_symmetry(
                 f"{steps} small steps states and their images differ by {errors[steps]:.1e}"
             )
     model = base.model
-    pairs = [(body, image) for body, image in enumerate(mirror.bodies) if body < image]
     return DerivedSymmetry(
         environment=name,
         mirror=RobotMirror(_observation_map(env, mirror, states), mirror.controls),
-        exchanged=tuple((model.body(one).name, model.body(other).name) for one, other in pairs),
+        exchanged=_exchanged(model, mirror),
         motors=tuple(_motors(model, mirror)),
         differences=found,
         errors=errors,
@@ -170,9 +169,9 @@ def _as_described(
         worst = int(np.argmax(apart))
         sign = "-" if signs[worst] < 0 else ""
         complaint = complaint or (
-            f"behaviour {behaviour.name!r} says that in the mirror {names[worst]} becomes "
+            f"in the mirror of behaviour {behaviour.name!r} {names[worst]} becomes "
             f"{sign}{names[sources[worst]]}, but in {environment_name(env)} it does not: bodies that change "
-            "places there are " + ", ".join(_names_of_pairs(_base(env).model, mirror))
+            "places there are " + ", ".join(map(" and ".join, _exchanged(_base(env).model, mirror)))
         )
     raise ParameterError(complaint)
 
@@ -285,9 +284,10 @@ def _motors(model: Any, mirror: MujocoMirror) -> Iterator[tuple[str, str]]:
             yield names[source], ("-" if sign < 0 else "") + names[place]
 
 
-def _names_of_pairs(model: Any, mirror: MujocoMirror) -> list[str]:
-    pairs = [(body, image) for body, image in enumerate(mirror.bodies) if body < image]
-    return [f"{model.body(one).name} and {model.body(other).name}" for one, other in pairs]
+def _exchanged(model: Any, mirror: MujocoMirror) -> tuple[tuple[str, str], ...]:
+    """The names of bodies that change places, each pair once."""
+    pairs = ((body, image) for body, image in enumerate(mirror.bodies) if body < image)
+    return tuple((model.body(one).name, model.body(other).name) for one, other in pairs)
 
 
 def _base(env: gymnasium.Env) -> Any:

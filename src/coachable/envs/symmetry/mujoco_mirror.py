@@ -72,7 +72,7 @@ class Difference:
 
     @property
     def sentence(self) -> str:
-        """Such as `joint left_hip_z and right_hip_z differ in range: [-60, 35] and [-35, 60]`."""
+        """Such as `joint right_knee and left_knee differ in stiffness: [0.] and [1.]`."""
         one, other = (np.array2string(np.asarray(value), precision=4) for value in self.values)
         return f"{self.kind} {' and '.join(self.names)} differ in {self.field}: {one} and {other}"
 
@@ -124,7 +124,7 @@ def differences(model: Any, mirror: MujocoMirror) -> tuple[Difference, ...]:
     return tuple(found)
 
 
-def equal_sides(model: Any, mirror: MujocoMirror, found: Sequence[Difference]) -> None:
+def equal_sides(model: Any, found: Sequence[Difference]) -> None:
     """Make a model's two sides the same where they differ: the second one like the first.
 
     Its solver, too, which may take one contact after the other, is made one that takes them all at once.

@@ -26,11 +26,6 @@ class SignedPermutation:
         if len(self.signs) != len(self.sources) or not {*self.signs} <= {-1, 1}:
             raise ValueError(f"{self.signs} are not one sign, 1 or -1, for each of {len(self.sources)}")
 
-    @staticmethod
-    def identity(size: int) -> SignedPermutation:
-        """The one that changes nothing."""
-        return SignedPermutation(tuple(range(size)), (1,) * size)
-
     def __call__(self, x: Float[Any, "*batch numbers"]) -> Float[Any, "*batch numbers"]:
         """The image, in the library and type of x."""
         sources, signs = self._arrays
