@@ -4,7 +4,7 @@ ARGS ?=
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help study demo walker2d test bench clean
+.PHONY: help study demo walker2d zoo test bench clean
 .DELETE_ON_ERROR:
 
 # A stamp says that .venv holds these dependencies. Each set contains the ones before it, so its recipe writes
@@ -33,6 +33,7 @@ help:
 	@echo "make study   the paper's whole study into runs/paper; ARGS='--semantics released-code --out runs/released'"
 	@echo "make demo    one setup, a few seeds, under two minutes, into runs/demo"
 	@echo "make walker2d  MuJoCo's Walker2d told to walk and to hop, with stable-baselines3: hours, and resumable"
+	@echo "make zoo     robots told to walk, run, hop, trot, …, twenty seeds each: hours, and resumable; ARMS='walker2d-walk' for some"
 	@echo "make test    lint, types and the whole test suite; ARGS='tests/plants -k energy' for a part"
 	@echo "make bench   how fast it is, beside SciPy, stable-baselines3, sbx, rtamt and others; wants an idle machine"
 	@echo "make clean   remove .venv and the tools' caches; runs/ stays"
@@ -47,6 +48,14 @@ walker2d: $(DEV)
 	@for run in walk hop hop-described; do \
 	  $(BIN)/coachable train experiments/walker2d/$$run.toml --out runs/walker2d-$$run $(ARGS) && \
 	  $(BIN)/coachable gait runs/walker2d-$$run || exit; \
+	done
+
+ARMS ?= $(sort $(basename $(notdir $(wildcard experiments/zoo/*.toml))))
+
+zoo: $(DEV)
+	@for arm in $(ARMS); do \
+	  $(BIN)/coachable train experiments/zoo/$$arm.toml --out runs/zoo/$$arm $(ARGS) && \
+	  $(BIN)/coachable gait runs/zoo/$$arm || exit; \
 	done
 
 # The default folder, unless ARGS names one.

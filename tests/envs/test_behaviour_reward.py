@@ -482,3 +482,19 @@ def test_what_an_environment_of_a_plan_does_wrong_is_a_sentence(fault, message):
     env.step([0.0])
     with pytest.raises(SignalError, match=message):
         env.step([0.0])
+
+
+def test_being_alive_is_a_term_of_every_environment():
+    class Ending(Pacing):
+        def step(self, action):
+            observation, reward, _, truncated, info = super().step(action)
+            return observation, reward, self.steps == 3, truncated, info
+
+    env = OwnReward(Ending(), {"alive": 2.0})
+    env.reset(seed=0)
+    steps = [env.step([0.0]) for _ in range(3)]
+    assert [step[1] for step in steps] == [2.0, 2.0, 0.0]
+    env = OwnReward(Pacing(), {"aliev": 1.0})
+    env.reset(seed=0)
+    with pytest.raises(ParameterError, match="no term 'aliev'; there are 'alive' and"):
+        env.step([0.0])

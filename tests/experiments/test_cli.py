@@ -83,7 +83,7 @@ def test_every_command_has_help_with_an_example(capsys, name):
         (["train", "paper", "--steps", "many"], ["--steps"]),
         (["train", "paper", "--steps", "0"], ["steps must be at least 1"]),
         (["train", "paper", "--behaviour", "compas-walking"], ["'compas-walking'", "'compass-walking'"]),
-        (["train", "paper", "--behaviour", "hop"], ["the compass walker has no signal 'height'"]),
+        (["train", "paper", "--behaviour", "hop"], ["the compass walker has no signal 'feet_down'"]),
         (["format"], ["name at least one file"]),
         (["format", "nowhere.behaviour"], ["nowhere.behaviour", "No such file"]),
         (["table", "nowhere"], ["nowhere is not a folder"]),

@@ -204,7 +204,7 @@ def test_a_plan_names_a_behaviour_that_ships_or_a_file_beside_it(tmp_path):
     assert load_plan(plan).described_by == str(tmp_path / "walk.behaviour")
     plan.write_text('name = "mine"\nbehaviour = "compass-walking-five-phases"\n', encoding="utf-8")
     assert load_plan(plan).behaviour == load_behaviour("compass-walking-five-phases")
-    with pytest.raises(PlanError, match="the compass walker has no signal 'height'"):
+    with pytest.raises(PlanError, match="the compass walker has no signal 'feet_down'"):
         load_plan(plan, behaviour="hop")
 
 
@@ -272,9 +272,20 @@ def test_options_replace_what_a_plan_for_an_environment_says():
 
 
 def test_options_alone_are_a_plan():
-    experiment = load_plan(None, env="Walker2d-v5", behaviour="perry-gait", steps=100)
-    assert (experiment.name, experiment.setups) == ("Walker2d-v5", (DescribedSetup(name="both"),))
+    experiment = load_plan(None, env="Walker2d-v5", behaviour="walk", steps=100)
+    assert experiment.name == "Walker2d-v5"
     assert isinstance(experiment.trainer, EnvironmentPPO)
+
+
+def test_by_default_the_description_alone_pays_and_being_alive():
+    """By the form `schedule`, seen, where the description has the limits that it needs."""
+    (setup,) = load_plan(None, env="Walker2d-v5", behaviour="walk").setups
+    alone = DescribedSetup(name="described", terms={"alive": 1.0})
+    assert setup == dataclasses.replace(alone, reward_variant="schedule", observe="memory")
+    assert load_plan(None, env="Walker2d-v5", behaviour="perry-gait").setups == (alone,)
+    assert load_plan(None, env="Walker2d-v5", behaviour="walk", weight=2.0).setups == (
+        dataclasses.replace(setup, weight=2.0),
+    )
 
 
 def test_the_compass_walkers_environment_is_the_plant():

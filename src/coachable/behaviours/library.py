@@ -13,13 +13,21 @@ LIBRARY = Path(__file__).parent / "library"
 """The folder of the shipped behaviours and vocabularies."""
 
 SHIPPED = (
+    "bound",
     "compass-walking",
     "compass-walking-five-phases",
     "compass-walking-released",
     "compass-walking-timed",
     "hop",
+    "hop-on-the-spot",
+    "pace",
     "perry-gait",
+    "run",
+    "skip",
     "squat-and-stand",
+    "trot",
+    "walk",
+    "walk-backwards",
 )
 """Their names."""
 

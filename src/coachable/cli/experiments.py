@@ -109,7 +109,8 @@ def train(
         coachable train paper --semantics released-code -o runs/released
         coachable train demo --behaviour compass-walking-timed --reward-variant schedule
         coachable train mine.toml --setups orthant mine --seeds 5 --steps 100000
-        coachable train --env Walker2d-v5 --behaviour walk.behaviour --settings ppo-walker2d --seeds 2
+        coachable train --env Walker2d-v5 --behaviour walk
+        coachable train --env Hopper-v5 --behaviour mine.behaviour --trainer sb3-sac --settings sac-mujoco
         coachable train --env coachable/CompassWalker-v0 --behaviour compass-walking --trainer sb3-ppo
     """
     from coachable.experiments.plan import load_plan, modules_named, trainer_settings

@@ -15,12 +15,15 @@ from coachable.foundation.errors import CoachableError, ParameterError, SignalEr
 OWN = "environment"
 """The key of an info under which the environment's own reward stands."""
 
+ALIVE = "alive"
+"""The term that any environment has: 1 for a step, 0 for one that terminates the episode."""
+
 
 class OwnReward(gymnasium.Wrapper):
     """Reports the environment's own reward in the info, and may pay other weights of its terms.
 
-    **Arguments:** `terms`, weights of numbers in the environment's info; if given, the reward is their
-    weighted sum in place of the environment's own.
+    **Arguments:** `terms`, weights of numbers in the environment's info, or of `alive`; if given, the reward
+    is their weighted sum in place of the environment's own.
 
     **Raises:** from `reset` and `step`, `SignalError` with the environment's name and the step for whatever
     the environment raises, an info that is no dict, an observation with NaN, and a reward that is no finite
@@ -54,10 +57,13 @@ class OwnReward(gymnasium.Wrapper):
         self._require_numbers(observation)
         reward = own = reward_number(reward, self.env, after(self._steps))
         if self._terms:
-            if missing := [name for name in self._terms if name not in info]:
-                raise ParameterError(f"the environment's info has no term {missing[0]!r}; it has {[*info]}")
+            found = {ALIVE: float(not terminated), **info}
+            if missing := [name for name in self._terms if name not in found]:
+                raise ParameterError(
+                    f"the environment's info has no term {missing[0]!r}; there are {ALIVE!r} and {[*info]}"
+                )
             reward = sum(
-                weight * reward_number(info[name], self.env, after(self._steps), name)
+                weight * reward_number(found[name], self.env, after(self._steps), name)
                 for name, weight in self._terms.items()
             )
         return observation, reward, terminated, truncated, {**info, OWN: own}

@@ -25,6 +25,7 @@ from coachable.foundation.files import read_text
 from coachable.foundation.suggestion import suggestion
 from coachable.learning.config import EnvironmentPPOConfig, PPOConfig
 from coachable.plants.named import parameters_type, plant_class
+from coachable.rewards.expected_run import has_expected_run
 from coachable.rewards.forms import form_from_data
 from coachable.rewards.setup import PAPER_SETUPS, DescribedSetup, RewardSetup
 
@@ -84,8 +85,8 @@ _MERGED = ("seeds", "plant", "ppo", "sb3", "settings")
 
 _DEFAULTS_OF_PLANTS = {"steps": 500_000, "evaluate_every": 10_000, "count": 15, "trainer": "ppo"}
 _DEFAULTS_OF_ENVIRONMENTS = {
-    "steps": 1_000_000,
-    "evaluate_every": 20_000,
+    "steps": 500_000,
+    "evaluate_every": 25_000,
     "count": 1,
     "trainer": "ppo",
     "evaluation_episodes": 5,
@@ -258,7 +259,7 @@ def _resolved(
     trainer = _trainer(given.get("trainer", defaults["trainer"]), given, sources, of_plant=of_plant)
     problem, described_by = (_plant_problem if of_plant else _environment_problem)(given, sources, described)
     setup_type = RewardSetup if of_plant else DescribedSetup
-    setups: tuple[Setup, ...] = (DescribedSetup(name="both"),)
+    setups: tuple[Setup, ...] = (_described_setup(problem.behaviour),)
     if of_plant:
         setups = (PAPER_SETUPS["orthant"],) if compass_walker else tuple(PAPER_SETUPS.values())
     for source, data in layers:
@@ -298,6 +299,17 @@ def _with_fine(variant: Any) -> Any:
     if not isinstance(table, Mapping) or table.get("form") != "schedule" or "skip_fine" in table:
         return variant
     return {**table, "skip_fine": 1.0}
+
+
+def _described_setup(behaviour: Behaviour) -> DescribedSetup:
+    """What is paid in a Gymnasium environment unless a plan says: the description alone, and staying alive.
+
+    The form is `schedule`, where every phase on a cycle has a limit. Being alive pays as much as being in
+    another phase than the expected one costs, so that it never pays to end the episode.
+    """
+    described = DescribedSetup(name="described", terms={"alive": 1.0})
+    scheduled = dataclasses.replace(described, reward_variant="schedule", observe="memory")
+    return scheduled if has_expected_run(behaviour) else described
 
 
 def _rules(given: str | Sequence[str]) -> Any:

@@ -78,6 +78,15 @@ class ExpectedRun:
     """The longest ones out of step, the longest first."""
 
 
+def has_expected_run(behaviour: Behaviour) -> bool:
+    """Whether the form `schedule` can pay for it: there is a cycle, and every phase on one has a limit."""
+    try:
+        Schedule().bind(behaviour, 1.0)
+    except ParameterError:
+        return False
+    return bool(behaviour.cycles)
+
+
 class ExpectedRunFollower:
     """Follows a trace that comes in parts with the expected run of the form `schedule`.
 
@@ -100,10 +109,7 @@ class ExpectedRunFollower:
     @staticmethod
     def of(behaviour: Behaviour) -> ExpectedRunFollower | None:
         """The follower of a behaviour, or `None` for one without an expected run, or without a cycle."""
-        try:
-            return ExpectedRunFollower(behaviour) if behaviour.cycles else None
-        except ParameterError:
-            return None
+        return ExpectedRunFollower(behaviour) if has_expected_run(behaviour) else None
 
     def following(self, parts: Iterable[Trace]) -> Iterator[Trace]:
         """The same parts, each of which is followed before it is given."""

@@ -123,7 +123,8 @@ class DescribedSetup:
     replace: bool = False
     """Whether it is paid in place of the environment's own reward."""
     terms: Mapping[str, float] = field(default_factory=dict, hash=False)
-    """If given, the environment's own reward is put together anew: weights of numbers in its info."""
+    """If given, the environment's own reward is put together anew: weights of numbers in its info, or of
+    `alive`, which is 1 for a step that does not terminate the episode."""
     reward_variant: str | Mapping[str, Any] = "stay"
     """The reward form as plain data: its name, or a table with its fields; see `form_from_data`."""
     cycle_bonus: float = 0.0

@@ -79,6 +79,11 @@ def _contact(leg: int) -> ReadingOf:
     return of
 
 
+def _feet_down(walker: BipedalWalkerSimulation) -> Reading:
+    readings = [_contact(leg)(walker) for leg in (_LEFT, _RIGHT)]
+    return lambda: sum(reading() for reading in readings) / len(readings)
+
+
 def _foot_x(leg: int) -> ReadingOf:
     def of(walker: BipedalWalkerSimulation) -> Reading:
         return lambda: float(walker.foot(leg)[0] - walker.hip(leg).anchorA[0])
@@ -141,5 +146,6 @@ BIPEDAL_WALKER = (
     ),
     *_leg("left", _LEFT),
     *_leg("right", _RIGHT),
+    probe("feet_down", "", "share of the shanks that touch the ground, 0 to 1", _feet_down),
 )
 """BipedalWalker: two legs with hips and knees, and no ankles."""

@@ -9,6 +9,7 @@ from coachable.envs.signals.mujoco_probes import (
     Z,
     attitude,
     attitude_rate,
+    feet_down,
     foot_as_torso_heads,
     foot_contact,
     foot_from_hip,
@@ -50,6 +51,12 @@ _EFFORT = (
     probe("power", "W", "of all motors, what they brake counted as what they drive", motor_power),
     probe("weight", "N", "of the robot", weight),
 )
+
+
+def _on_feet(*feet: str) -> Probe:
+    return probe(
+        "feet_down", "", "share of the feet that press on what is not the robot, 0 to 1", feet_down(*feet)
+    )
 
 
 def _speeds(x: ReadingOf, z: ReadingOf) -> tuple[Probe, ...]:
@@ -131,16 +138,43 @@ def _humanoid_leg(side: str) -> tuple[Probe, ...]:
     )
 
 
-WALKER_2D = (*_PLANAR, *_leg("left_", "_left"), *_leg("right_", ""), *_EFFORT)
+def _ant_leg(name: str, foot: str, number: int, swings_forward: int, bends: int) -> tuple[Probe, ...]:
+    """A leg of the ant: a hip that swings it in the plane of the torso, and a joint that bends it."""
+    hip = f"hip_{number}"
+    return (
+        *joint_angle(
+            f"{name}_hip",
+            "angle from how the model rests; positive: swings the leg forward",
+            hip,
+            swings_forward,
+        ),
+        *joint_angle(f"{name}_ankle", "positive: bent, the foot drawn in under it", f"ankle_{number}", bends),
+        *_foot(f"{name}_", foot, foot_as_torso_heads(foot, hip, X)),
+    )
+
+
+WALKER_2D = (
+    *_PLANAR,
+    *_leg("left_", "_left"),
+    *_leg("right_", ""),
+    _on_feet("foot_left_geom", "foot_geom"),
+    *_EFFORT,
+)
 """Walker2d. Its hips go from −150° to 0: a thigh comes to the front only where the torso leans back."""
 
-HOPPER = (*_PLANAR, *_leg("", ""), *_EFFORT)
+HOPPER = (*_PLANAR, *_leg("", ""), _on_feet("foot_geom"), *_EFFORT)
 """Hopper: the walker's signals with one leg, so without left and right."""
 
-HALF_CHEETAH = (*_PLANAR, *_cheetah_leg("back_", "b"), *_cheetah_leg("front_", "f"), *_EFFORT)
+HALF_CHEETAH = (
+    *_PLANAR,
+    *_cheetah_leg("back_", "b"),
+    *_cheetah_leg("front_", "f"),
+    _on_feet("bfoot", "ffoot"),
+    *_EFFORT,
+)
 """HalfCheetah: a back and a front leg."""
 
-HUMANOID = (
+_FREE = (
     *_TORSO,
     probe("torso_y", "m", "where the torso is, to the left of the start of the world", torso(Y)),
     *_speeds(joint_velocity("root", offset=X), joint_velocity("root", offset=Z)),
@@ -151,8 +185,25 @@ HUMANOID = (
     *angle("roll", "positive: the torso leans to the right", attitude(roll), attitude_rate(0)),
     *angle("pitch", "positive: the torso leans forward", attitude(pitch), attitude_rate(1)),
     *angle("yaw", "positive: turned left, from facing along x", attitude(yaw), attitude_rate(2)),
+)
+"""A torso that is free in space."""
+
+HUMANOID = (
+    *_FREE,
     *_humanoid_leg("left"),
     *_humanoid_leg("right"),
+    _on_feet("left_foot", "right_foot"),
     *_EFFORT,
 )
 """Humanoid: torso and legs; it has no ankles, and its arms and waist are left out."""
+
+ANT = (
+    *_FREE,
+    *_ant_leg("front_left", "left_ankle_geom", 1, swings_forward=-1, bends=+1),
+    *_ant_leg("front_right", "fourth_ankle_geom", 4, swings_forward=+1, bends=+1),
+    *_ant_leg("back_left", "right_ankle_geom", 2, swings_forward=-1, bends=-1),
+    *_ant_leg("back_right", "third_ankle_geom", 3, swings_forward=+1, bends=-1),
+    _on_feet("left_ankle_geom", "fourth_ankle_geom", "right_ankle_geom", "third_ankle_geom"),
+    *_EFFORT,
+)
+"""Ant, each leg by where it is: what the model calls `front_right_leg` is at the back on the left."""

@@ -166,6 +166,17 @@ def foot_contact(foot: str) -> ReadingOf:
     return of
 
 
+def feet_down(*feet: str) -> ReadingOf:
+    """The share of some geoms that press on what is not the robot."""
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        touching = simulation.touching
+        geoms = [int(simulation.model.geom(foot).id) for foot in feet]
+        return lambda: sum(geom in touching for geom in geoms) / len(geoms)
+
+    return of
+
+
 def foot_load(foot: str) -> ReadingOf:
     """How hard the ground, or whatever it stands on, presses a geom upwards."""
 

@@ -138,6 +138,7 @@ SIGNAL_PACKS: Mapping[str, SignalPack] = MappingProxyType(
             ("Hopper-v5", mujoco.HOPPER, MujocoSimulation),
             ("HalfCheetah-v5", mujoco.HALF_CHEETAH, MujocoSimulation),
             ("Humanoid-v5", mujoco.HUMANOID, MujocoSimulation),
+            ("Ant-v5", mujoco.ANT, MujocoSimulation),
             (
                 "BipedalWalker-v3",
                 bipedal_walker.BIPEDAL_WALKER,
