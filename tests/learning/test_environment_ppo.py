@@ -244,7 +244,7 @@ def test_a_rollout_of_several_environments_is_learned_from_as_one_of_each():
             np.testing.assert_allclose(a[:, index], b, atol=1e-6)
     state = ppo.initial_state(key[0], networks, None)
     one = jax.tree.map(lambda leaf: leaf[:, :1], rollout)
-    beside = EnvironmentPPOConfig(n_steps=24, n_envs=1, batch_size=8)
+    beside = EnvironmentPPOConfig(n_steps=24, n_envs=1, batch_size=8, gamma=0.99)
     improved, _ = jax.jit(ppo.improve, static_argnums=0)(beside, state, one)
     alone = jax.tree.map(lambda leaf: leaf[:, 0], one)
     expected, _ = jax.jit(ppo.improve, static_argnums=0)(PPOConfig(n_steps=24, batch_size=8), state, alone)

@@ -55,6 +55,12 @@ def test_without_a_fine_a_phase_is_passed_over_for_one_sample():
         assert found[f"never enters {name}"] == pytest.approx((least - 0) / (least + 2), abs=0.01)
 
 
+def test_a_fine_that_is_spread_leaves_no_more_open():
+    behaviour = limited((0.05, 0.06, 0.03, 0.04))
+    spread, at_once = (means(behaviour, Schedule(1.0, fine_spread=each)) for each in (True, False))
+    assert spread == pytest.approx(at_once)
+
+
 def test_what_the_papers_forms_leave_open():
     stay, equation = means(WALKING, "stay"), means(WALKING, "equation")
     assert set(stay.values()) == {1.0}
@@ -82,7 +88,9 @@ def state_at(place):
     return np.array([found[name] for name in WALKING.signal_names])
 
 
-@pytest.mark.parametrize("form", ["stay", "equation", "released", Schedule(0.4), Schedule(1.0)])
+@pytest.mark.parametrize(
+    "form", ["stay", "equation", "released", Schedule(0.4), Schedule(1.0), Schedule(1.0, fine_spread=True)]
+)
 def test_the_runs_earn_what_is_said_of_them(form):
     behaviour = limited((0.05, 0.06, 0.03, 0.04))
     reward, names = DescribedReward(behaviour, form, DT), [*behaviour.phase_names, "outside"]

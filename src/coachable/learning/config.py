@@ -62,7 +62,7 @@ class PPOConfig:
                 numbers = whole_number(value, f"ppo.{name}", PlanError, 1, most)
             object.__setattr__(self, name, numbers)
         for field in fields(self):
-            if field.name not in (*whole, "squashing", "normalize"):
+            if field.name not in (*whole, "squashing", "normalize", "anneal"):
                 number = real_number(getattr(self, field.name), f"ppo.{field.name}", PlanError)
                 object.__setattr__(self, field.name, number)
         for name in ("learning_rate", "clip_range", "max_grad_norm", "adam_epsilon"):
@@ -108,12 +108,16 @@ class EnvironmentPPOConfig(PPOConfig):
     normalize: bool = True
     """Whether observations are shifted and scaled by their running mean and standard deviation, and rewards
     scaled by that of the discounted return."""
+    anneal: bool = True
+    """Whether the learning rate falls along a line, to 0 at the end, as in the settings of PPO's authors for
+    MuJoCo: what a policy has learned does not come and go then."""
 
     _rollout = "n_steps × n_envs"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._require("normalize", type(self.normalize) is bool, "true or false")
+        for name in ("normalize", "anneal"):
+            self._require(name, type(getattr(self, name)) is bool, "true or false")
 
     @property
     def rollout_size(self) -> int:

@@ -115,7 +115,7 @@ class Learner:
             self._begun = True
         while self.num_steps < num_steps:
             between()
-            self._update()
+            self._update(1 - self.num_steps / num_steps if self._config.anneal else 1.0)
         between()
 
     def diagnostics(self) -> Mapping[str, float]:
@@ -180,7 +180,7 @@ class Learner:
                 self._returns[index] = 0.0
             self._observations[index] = observation
 
-    def _update(self) -> None:
+    def _update(self, rate: float) -> None:
         key, noise_key = jax.random.split(self._state.key)
         shape = (self._config.n_steps, self._config.n_envs, len(self._low))
         noise = np.asarray(_normal(noise_key, shape))
@@ -189,7 +189,7 @@ class Learner:
         if self._config.normalize:
             self._of_observations.update(_rows(gathered.observations).astype(np.float64))
             gathered = gathered._replace(rewards=self._scaled(gathered))
-        state, diagnostics = _improve(self._config, replace(self._state, key=key), gathered, scaling)
+        state, diagnostics = _improve(self._config, replace(self._state, key=key), gathered, scaling, rate)
         if not all(np.isfinite(leaf).all() for leaf in jax.device_get(jax.tree.leaves(state.networks))):
             raise PlanError(
                 f"the training diverged after {self.num_steps:,} steps: its networks hold what is no number. "
@@ -330,6 +330,7 @@ def _improve(
     state: ppo.TrainState,
     gathered: Gathered,
     scaling: Scaling,
+    rate: float | Float[Array, ""],
 ) -> tuple[ppo.TrainState, ppo.Diagnostics]:
     noise, log_std = jnp.moveaxis(gathered.noise, -1, 0), state.networks.log_std
     rollout = ppo.Rollout(
@@ -341,4 +342,4 @@ def _improve(
         terminated=jnp.asarray(gathered.terminated),
         truncated=jnp.asarray(gathered.truncated),
     )
-    return ppo.improve(config, state, rollout)
+    return ppo.improve(config, state, rollout, rate)

@@ -216,8 +216,13 @@ def collect(task: Task, state: TrainState, config: PPOConfig) -> tuple[TrainStat
     return state, rollout, episodes
 
 
-def improve(config: PPOConfig, state: TrainState, rollout: Rollout) -> tuple[TrainState, Diagnostics]:
-    """Advantages, fresh permutations, and `n_epochs` passes over the rollout."""
+def improve(
+    config: PPOConfig, state: TrainState, rollout: Rollout, rate: float | Float[Array, ""] = 1.0
+) -> tuple[TrainState, Diagnostics]:
+    """Advantages, fresh permutations, and `n_epochs` passes over the rollout.
+
+    **Arguments:** `rate`, what the learning rate is multiplied with.
+    """
     values, next_values = values_of(state.networks, rollout)
     ended = rollout.terminated | rollout.truncated
     advantages = generalised_advantages(
@@ -232,7 +237,7 @@ def improve(config: PPOConfig, state: TrainState, rollout: Rollout) -> tuple[Tra
     )
     key, permutation_key = jax.random.split(state.key)
     permutations = random_permutations(permutation_key, config.n_epochs, config.rollout_size)
-    networks, adam, diagnostics = learn(state.networks, state.adam, batch, permutations, config)
+    networks, adam, diagnostics = learn(state.networks, state.adam, batch, permutations, config, rate)
     state = replace(state, networks=networks, adam=adam, key=key, num_updates=state.num_updates + 1)
     return state, diagnostics
 
@@ -280,6 +285,7 @@ def learn(
     batch: Batch,
     permutations: Int[Array, "epochs batch"],
     config: PPOConfig,
+    rate: float | Float[Array, ""] = 1.0,
 ) -> tuple[ActorCritic, Adam, Diagnostics]:
     """Adam on the clipped surrogate: an epoch a permutation of the batch, a step a minibatch."""
     parameters, unravel = ravel_pytree(networks)
@@ -295,7 +301,7 @@ def learn(
     def minibatch(carry, samples):
         parameters, adam = carry
         gradient, predictions = jax.grad(loss, has_aux=True)(unravel(parameters), samples, config)
-        parameters, adam = adam_step(parameters, adam, ravel_pytree(gradient)[0], config)
+        parameters, adam = adam_step(parameters, adam, ravel_pytree(gradient)[0], config, rate)
         # Kept are the new ones: the old ones are overwritten, and reading any of them once more, be it only
         # for the diagnostics, would make the compiler copy them all.
         return (parameters, adam), (predictions, parameters[-num_last:])
@@ -410,6 +416,7 @@ def adam_step(
     adam: Adam,
     gradient: Float[Array, " parameters"],
     config: PPOConfig,
+    rate: float | Float[Array, ""] = 1.0,
 ) -> tuple[Float[Array, " parameters"], Adam]:
     """Adam (Kingma & Ba, 2015, algorithm 1) after clipping the gradient's global norm.
 
@@ -421,7 +428,7 @@ def adam_step(
     count = adam.count + 1
     first = decay_1 * adam.first_moment + (1 - decay_1) * gradient
     second = decay_2 * adam.second_moment + (1 - decay_2) * jnp.square(gradient)
-    step_size = config.learning_rate / (1 - decay_1**count)
+    step_size = config.learning_rate * rate / (1 - decay_1**count)
     correction = 1 / (1 - decay_2**count)
     parameters = parameters - step_size * first / (jnp.sqrt(second * correction) + config.adam_epsilon)
     return parameters, Adam(first, second, count)

@@ -26,9 +26,9 @@ def rooms(limits, edges):
     return Behaviour("rooms", "", (Signal("room"),), phases, tuple(Edge(*pair) for pair in edges))
 
 
-def paid(behaviour, walk, fine=1.0, **options):
+def paid(behaviour, walk, fine=1.0, spread=False, **options):
     """What each step of a walk through rooms is paid."""
-    reward = DescribedReward(behaviour, Schedule(fine), DT, **options)
+    reward = DescribedReward(behaviour, Schedule(fine, fine_spread=spread), DT, **options)
     names = behaviour.phase_names
     signals = [np.array([float(names.index(room)) if room in names else -1.0]) for room in walk]
     memory, rows = reward.init(signals[0]), []
@@ -41,8 +41,8 @@ def paid(behaviour, walk, fine=1.0, **options):
 class Oracle:
     """The definition, line by line, with times in whole steps."""
 
-    def __init__(self, limits, edges, fine):
-        self.limits, self.fine = limits, fine
+    def __init__(self, limits, edges, fine, spread=False):
+        self.limits, self.fine, self.spread, self.owed = limits, fine, spread, 0.0
         self.edges = [pair for pair in edges if pair[0] != pair[1]]
         self.e, self.c, self.v = None, 0, False
         reached = {name: {target for source, target in self.edges if source == name} for name in limits}
@@ -69,7 +69,12 @@ class Oracle:
             elif successors and self.c >= most:
                 self.e, self.c, self.v = successors[0], 0, False
             self.v = self.v or q == self.e
-        return (1.0 if self.e is not None and q == self.e else -1.0) - fine, self.e
+        in_step = self.e is not None and q == self.e
+        if self.spread:
+            self.owed = max(self.owed, fine)
+            fine = min(self.owed, 2.0) if in_step else 0.0
+            self.owed -= fine
+        return (1.0 if in_step else -1.0) - fine, self.e
 
 
 NAMES = "ABCD"
@@ -83,16 +88,19 @@ PAIRS = st.lists(st.tuples(st.sampled_from(NAMES), st.sampled_from(NAMES)), uniq
     edges=PAIRS,
     walk=st.text(NAMES + OUTSIDE, min_size=2, max_size=25),
     fine=st.sampled_from([0.0, 0.3, 1.0]),
+    spread=st.booleans(),
 )
-@example(dict.fromkeys(NAMES, (0, 2)), [("A", "B"), ("B", "C"), ("C", "A")], "AABBCCAABBDCC", 1.0)
-@example(dict.fromkeys(NAMES, (1, 3)), [("A", "B"), ("A", "C"), ("B", "A"), ("C", "A")], "ACACAABBC", 0.3)
-@example(dict.fromkeys(NAMES, (0, 2)), [("A", "B"), ("B", "C")], "ABCCCCCABA", 1.0)
-def test_it_pays_by_its_definition(limits, edges, walk, fine):
+@example(dict.fromkeys(NAMES, (0, 2)), [("A", "B"), ("B", "C"), ("C", "A")], "AABBCCAABBDCC", 1.0, False)
+@example(
+    dict.fromkeys(NAMES, (1, 3)), [("A", "B"), ("A", "C"), ("B", "A"), ("C", "A")], "ACACAABBC", 0.3, True
+)
+@example(dict.fromkeys(NAMES, (0, 2)), [("A", "B"), ("B", "C")], "ABCCCCCABA", 1.0, False)
+def test_it_pays_by_its_definition(limits, edges, walk, fine, spread):
     limits = {name: limits[name] for name in NAMES}
-    oracle = Oracle(limits, edges, fine)
+    oracle = Oracle(limits, edges, fine, spread)
     oracle.sample(walk[0], begin=True)
     names = [*NAMES, None]
-    for (pay, info), room in zip(paid(rooms(limits, edges), walk, fine), walk[1:], strict=True):
+    for (pay, info), room in zip(paid(rooms(limits, edges), walk, fine, spread), walk[1:], strict=True):
         expected, phase = oracle.sample(room)
         assert names[int(info.form["expected"])] == phase
         assert pay == pytest.approx(expected)
@@ -179,6 +187,36 @@ def test_a_phase_on_a_cycle_needs_an_end_and_dt_is_needed():
         Schedule().bind(rooms(SHORT, RING), None)
 
 
+@given(walk=st.text("ABC" + OUTSIDE, min_size=2, max_size=40), most=st.integers(2, 8))
+def test_a_fine_that_is_spread_takes_no_more_and_no_step_pays_less_than_being_elsewhere(walk, most):
+    behaviour = rooms(dict.fromkeys("ABC", (0, most)), RING)
+    at_once = [pay for pay, _ in paid(behaviour, walk)]
+    spread = [pay for pay, _ in paid(behaviour, walk, spread=True)]
+    assert min(spread) >= -1 <= max(spread) <= 1
+    for so_far in range(len(walk)):
+        assert sum(spread[:so_far]) >= sum(at_once[:so_far]) - 1e-9
+
+
+def test_a_fine_is_spread_over_the_steps_in_the_expected_phase():
+    # From A to C, past B: five of its six steps are left, and one of C is elsewhere.
+    walk, limits = "AAAAAA" + OUTSIDE + "CC" + OUTSIDE + "CCC", dict.fromkeys("ABC", (0, 6))
+    assert pays(walk, limits) == [1] * 5 + [-1, 1 - 5, 1, -1, 1, 1, 1]
+    told = paid(rooms(limits, RING), walk, spread=True)
+    assert [pay for pay, _ in told] == [1] * 5 + [-1, -1, -1, -1, 0, 1, 1]
+    assert [float(info.terms["passed_over"]) for _, info in told][-6:] == [-2, -2, 0, -1, 0, 0]
+
+
+def test_what_is_owed_is_seen():
+    reward = DescribedReward(rooms(dict.fromkeys("ABC", (0, 6)), RING), Schedule(1.0, fine_spread=True), DT)
+    assert reward.observation_names[-3:] == ("time over", "visited", "owed")
+    memory = reward.init(np.array([0.0]))
+    for room in (-1.0,) * 6 + (2.0,):
+        memory, _, _ = reward.step(memory, np.array([room]))
+    owed = [float(reward.observe(memory, np.array([2.0]))[-1])]
+    memory, _, _ = reward.step(memory, np.array([2.0]))
+    assert [*owed, float(reward.observe(memory, np.array([2.0]))[-1])] == pytest.approx([3 / 6, 1 / 6])
+
+
 @pytest.mark.parametrize("fine", [-0.1, 1.1, math.nan])
 def test_a_fine_is_a_share(fine):
     with pytest.raises(ParameterError, match="skip_fine"):
@@ -228,11 +266,11 @@ def test_durations_take_the_place_of_the_phases_limits():
             rows.append(float(pay))
         for_all.append(rows)
     assert for_all[0] == for_all[1]
-    longer = Schedule(1.0, durations={"A": 3 * DT})
     short = rooms(SHORT, RING)
-    assert len({hash_of_paid(short, each) for each in (Schedule(1.0), longer, Schedule(1.0, False))}) == 3
+    others = Schedule(1.0, durations={"A": 3 * DT}), Schedule(1.0, False), Schedule(1.0, fine_spread=True)
+    assert len({hash_of_paid(short, each) for each in (Schedule(1.0), *others)}) == 4
     data = {"form": "schedule", "skip_fine": 1.0, "robot_leads": False, "durations": {"A": 0.5}}
-    assert form_from_data(data).to_data() == data
+    assert form_from_data(data).to_data() == {**data, "fine_spread": False}
 
 
 def test_durations_that_make_no_sense_are_refused():

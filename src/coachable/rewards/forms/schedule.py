@@ -32,6 +32,16 @@ class Expected(NamedTuple):
     """Whether the robot has been in it since."""
 
 
+class Owing(NamedTuple):
+    """The same, where a fine is spread over the steps that follow."""
+
+    phase: Int[Any, "*batch"]
+    time: Float[Any, "*batch"]
+    visited: Bool[Any, "*batch"]
+    owed: Float[Any, "*batch"]
+    """What of the fine was not charged yet."""
+
+
 @dataclass(frozen=True)
 class Schedule(RewardForm):
     """+1 in the expected phase, −1 in another or outside, less a fine for a phase that was passed over.
@@ -42,14 +52,16 @@ class Schedule(RewardForm):
     - with the robot, where the robot enters a successor of e, not before e's `at_least`;
     - by itself, where e's `at_most` is over: to the target of e's first edge in the text.
 
-    If the robot goes on from e without having been there, the rest of its time is charged at once:
-    `skip_fine` for each step of `dt` that was left. A phase without successors stays expected: a goal.
+    If the robot goes on from e without having been there, the rest of its time is charged: `skip_fine` for
+    each step of `dt` that was left. A phase without successors stays expected: a goal.
 
     **Arguments:** `skip_fine`, φ from 0, phases may be passed over, to 1, passing over pays no more than
-    waiting outside. Where an episode can be ended, a large fine is a reason to end it. `robot_leads`, whether
-    the robot's own pace counts; without it the expected run is a fixed clock, as in periodic reward
-    composition (Siekmann et al., ICRA 2021). `durations`, how long phases are expected [s] by name, in place
-    of their `at_most`.
+    waiting outside. `fine_spread`, whether the fine is not charged at once but taken from the steps in the
+    expected phase that follow, up to 2 from each, so that no step pays less than −1: where an episode can be
+    ended, a large fine is a reason to end it. Of a fine that is still owed when another one comes the larger
+    one is owed. `robot_leads`, whether the robot's own pace counts; without it the expected run is a fixed
+    clock, as in periodic reward composition (Siekmann et al., ICRA 2021). `durations`, how long phases are
+    expected [s] by name, in place of their `at_most`.
 
     **Raises:** `ParameterError` for a fine that is not in [0, 1], and a duration that is not positive.
     """
@@ -59,6 +71,7 @@ class Schedule(RewardForm):
     skip_fine: int | float = 0.0
     robot_leads: bool = True
     durations: Mapping[str, int | float] = field(default_factory=dict, hash=False)
+    fine_spread: bool = False
 
     def __post_init__(self):
         real_number(self.skip_fine, "skip_fine", ParameterError, least=0.0, most=1.0)
@@ -105,6 +118,7 @@ class Schedule(RewardForm):
             "robot_leads": self.robot_leads,
             "durations": [repr(float(self.durations.get(name, 0.0))) for name in behaviour.phase_names],
             "edges": pairs(behaviour, behaviour.edges),
+            **({"fine_spread": True} if self.fine_spread else {}),
         }
 
 
@@ -117,15 +131,16 @@ class BoundSchedule(BoundForm):
     form: Schedule
     dt: int | float = 0.0
 
-    def init(self, location: Int[Any, "*batch"], zero: Float[Any, "*batch"]) -> Expected:
+    def init(self, location: Int[Any, "*batch"], zero: Float[Any, "*batch"]) -> Expected | Owing:
         """In the phase in which a run begins, if it is one that an expected run begins with."""
         none = location * 0 + len(self.behaviour.phases)
         begins = entry(self.first_phases, location)
-        return Expected(array_library(zero).where(begins, location, none), zero, begins)
+        begun = Expected(array_library(zero).where(begins, location, none), zero, begins)
+        return Owing(*begun, zero) if self.form.fine_spread else begun
 
-    def pay(self, memory: tuple, step: Step) -> tuple[Expected, Payment]:
+    def pay(self, memory: tuple, step: Step) -> tuple[Expected | Owing, Payment]:
         """±1 as the term `phases`, the fine as the term `passed_over`."""
-        (e, c, visited), q, zero = memory, step.move.location, step.zero
+        (e, c, visited, *owed), q, zero = memory, step.move.location, step.zero
         none = len(self.behaviour.phases)
         where, dtype = array_library(zero).where, zero.dtype
         at_least = entry(self._at_least, e, dtype=dtype)
@@ -137,7 +152,7 @@ class BoundSchedule(BoundForm):
         robot_leads = entry(self._leads, e, q) & (time >= at_least - tolerance)
         schedule_leads = ~robot_leads & (time >= at_most - tolerance)
         charged = robot_leads & ~visited & (at_most < math.inf) & (at_most > time)
-        left = where(charged, at_most - time, zero)
+        fine = self.form.skip_fine * where(charged, at_most - time, zero) / self.dt
 
         expected = where(
             begins | robot_leads, q, where(schedule_leads, entry(self._onward, e, dtype=e.dtype), e)
@@ -145,11 +160,12 @@ class BoundSchedule(BoundForm):
         begun = begins | robot_leads | schedule_leads
         time = where(begun, zero, where(time < entry(self._longest, e, dtype=dtype), time, c))
         in_step = (q == expected) & (q != none)
-        after = Expected(expected, time, (visited & ~begun) | in_step)
-        terms = {
-            "phases": where(in_step, zero + 1, zero - 1),
-            "passed_over": zero - self.form.skip_fine * left / self.dt,
-        }
+        after: Expected | Owing = Expected(expected, time, (visited & ~begun) | in_step)
+        if owed:
+            due = where(fine > owed[0], fine, owed[0])
+            fine = where(in_step, where(due < 2, due, zero + 2), zero)
+            after = Owing(*after, due - fine)
+        terms = {"phases": where(in_step, zero + 1, zero - 1), "passed_over": zero - fine}
         return after, Payment(terms, in_step, {"expected": expected, "expected_time": time})
 
     def expected(self, memory: tuple, location: Int[Any, "*batch"]) -> Int[Any, "*batch"]:
@@ -166,19 +182,24 @@ class BoundSchedule(BoundForm):
 
     @property
     def observation_names(self) -> tuple[str, ...]:
-        """One for each expected phase, the share of its time that is over, and whether it was visited."""
-        return (*(f"expected {name}" for name in self.behaviour.phase_names), "time over", "visited")
+        """One for each expected phase, the share of its time that is over, and whether it was visited.
+
+        If fines are spread also what is owed, of the largest fine that there can be.
+        """
+        names = (*(f"expected {name}" for name in self.behaviour.phase_names), "time over", "visited")
+        return (*names, "owed") if self.form.fine_spread else names
 
     def observe(
         self, memory: tuple, location: Int[Any, "*batch"], zero: Float[Any, "*batch"]
     ) -> tuple[Float[Any, "*batch"], ...]:
         """Those numbers; all are 0 while no phase is expected."""
-        (e, c, visited), where = memory, array_library(zero).where
+        (e, c, visited, *owed), where = memory, array_library(zero).where
         share = c / entry(np.maximum(self._at_most, self.dt), e, dtype=zero.dtype)
         return (
             *(where(e == k, zero + 1, zero) for k in range(len(self.behaviour.phases))),
             where(share < 1, share, zero + 1),
             where(visited, zero + 1, zero),
+            *(each * (self.dt / max(self._longest.max(), self.dt)) for each in owed),
         )
 
     # Tables by the expected phase; their last row is that of none.
