@@ -14,11 +14,12 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.symmetry.derived import RobotMirror
 from coachable.envs.symmetry.signed_permutation import SignedPermutation
+from coachable.rewards.forms.form import entry
 
 EXPECTED_PHASE = "expected_phase"
 """The attribute of an environment that says which phase is expected now."""
@@ -56,6 +57,10 @@ class PhaseMirror:
     def done(self, action: Float[Any, " controls"], phase: int) -> Float[Any, " controls"]:
         """What is done when the policy says so while a phase is expected."""
         return self.action(action) if self.phases[phase] else action
+
+    def is_mirrored(self, phase: Int[Any, "*batch"]) -> Bool[Any, "*batch"]:
+        """Whether the policy is mirrored while phases are expected, in any array library."""
+        return entry(np.array(self.phases), phase)
 
     def to_data(self) -> dict[str, Any]:
         """The mirror in values that JSON has."""

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from coachable.automata.classifier import array_library
+
 
 @dataclass(frozen=True)
 class SignedPermutation:
@@ -27,9 +29,11 @@ class SignedPermutation:
             raise ValueError(f"{self.signs} are not one sign, 1 or -1, for each of {len(self.sources)}")
 
     def __call__(self, x: Float[Any, "*batch numbers"]) -> Float[Any, "*batch numbers"]:
-        """The image, in the library and type of x."""
-        sources, signs = self._arrays
-        return x[..., sources] * signs.astype(x.dtype)
+        """The image, in the library and type of x: NumPy, JAX or another of the array API standard."""
+        (sources, signs), xp = self._arrays, array_library(x)
+        if xp is np:
+            return x[..., sources] * signs.astype(x.dtype)
+        return xp.take(x, xp.asarray(sources), axis=-1) * xp.asarray(signs, dtype=x.dtype)
 
     def followed_by(self, other: SignedPermutation) -> SignedPermutation:
         """The two side by side: a row of both."""
