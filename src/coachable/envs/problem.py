@@ -20,6 +20,7 @@ from coachable.envs.signals.reading import OnNaN
 from coachable.envs.signals.sources import SignalSources, signal_sources
 from coachable.envs.squashing import Squashing
 from coachable.envs.symmetry.derived import RobotMirror, derived_symmetry
+from coachable.envs.symmetry.named_mirror import NamedMirror
 from coachable.envs.symmetry.phase_mirror import MirroredEnv, PhaseMirror
 from coachable.envs.walking_task import Clock, WalkingTask, make_task
 from coachable.foundation.data import plain
@@ -187,7 +188,10 @@ class PlantProblem(Problem):
 
 @dataclass(frozen=True, kw_only=True)
 class EnvironmentProblem(Problem):
-    """A Gymnasium environment with a behaviour."""
+    """A Gymnasium environment with a behaviour.
+
+    **Raises:** at construction `ParameterError` for a mirror image of a robot whose behaviour has none.
+    """
 
     in_jax: ClassVar[bool] = False
     setup_type: ClassVar[type[Setup]] = DescribedSetup
@@ -203,8 +207,15 @@ class EnvironmentProblem(Problem):
     """Time between two steps [s]; by default the environment's own."""
     on_nan: OnNaN = "raise"
     """What a signal that is NaN does; see `BehaviourReward`."""
+    mirror_image: NamedMirror | None = None
+    """What the robot looks like in a mirror, in place of what is derived of a MuJoCo robot."""
 
     def __post_init__(self):
+        if self.mirror_image is not None and self.behaviour.symmetry is None:
+            raise ParameterError(
+                f"mirror: behaviour {self.behaviour.name!r} has no two sides, so nothing is mirrored; say so "
+                "in it, as in `mirror left <-> right`, or leave the table out"
+            )
         # Numbers of NumPy have no place in a plan, nor in what a reward is known by.
         for name in ("env_options", "signals", "dt"):
             object.__setattr__(self, name, plain(getattr(self, name)))
@@ -257,7 +268,8 @@ class EnvironmentProblem(Problem):
     def mirror(self, setup: DescribedSetup) -> PhaseMirror | None:
         """How the setup's policy is mirrored by phase; `None` if it is not.
 
-        **Raises:** `ParameterError` with the reason, where the setup demands a mirror and there is none.
+        **Raises:** `ParameterError` with the reason, where the setup demands a mirror and there is none, and
+        for a `mirror_image` that is not the robot's.
         """
         with closing(self.environment(setup)) as env:
             return self._mirror_in(env, setup)
@@ -280,11 +292,14 @@ class EnvironmentProblem(Problem):
             return None, "the description has no mirror" if setup.mirror else ""
         if isinstance(env, gymnasium.wrappers.FlattenObservation):
             return None, f"what {self.env} observes is no row of numbers"
+        reward: DescribedReward = env.get_wrapper_attr("behaviour_reward")
+        names = reward.observation_names if setup.observe == "memory" else ()
+        if self.mirror_image is not None:
+            size = gymnasium.spaces.flatdim(env.observation_space) - len(names)
+            return PhaseMirror.of(self.mirror_image.of(size, env), self.behaviour, names), ""
         robot = _robot_mirror(self)
         if isinstance(robot, str):
             return None, robot
-        reward: DescribedReward = env.get_wrapper_attr("behaviour_reward")
-        names = reward.observation_names if setup.observe == "memory" else ()
         return PhaseMirror.of(robot, self.behaviour, names), ""
 
     def policy_description(self, setup: DescribedSetup) -> dict[str, Any]:
@@ -315,13 +330,14 @@ class EnvironmentProblem(Problem):
         )
 
     def to_data(self) -> dict[str, Any]:
-        """The keys `env`, `dt` and `on_nan`, and the tables `env_options` and `signals`."""
+        """The keys `env`, `dt` and `on_nan`, and the tables `env_options`, `signals` and `mirror`."""
         return {
             "env": self.env,
             **({} if self.dt is None else {"dt": self.dt}),
             "on_nan": self.on_nan,
             "env_options": dict(self.env_options),
             "signals": dict(self.signals),
+            **({} if self.mirror_image is None else {"mirror": self.mirror_image.to_data()}),
         }
 
 

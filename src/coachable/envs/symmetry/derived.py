@@ -83,7 +83,8 @@ def derived_symmetry(
     if not all(hasattr(base, attribute) for attribute in ("model", "data", "set_state", "_get_obs")):
         raise ParameterError(
             f"{name} is no MuJoCo environment of Gymnasium's, so its mirror image cannot be derived; name it "
-            "in the plan: [mirror] observation = [...] and action = [...]"
+            "in the plan: [mirror] observation = { swap = [[...]], flip = [...] } and action = { ... }, as "
+            "in docs/environments.md"
         )
     candidates = [mirror for mirror in mirrors_of(base.model) if mirror.exchanges]
     if not candidates:
