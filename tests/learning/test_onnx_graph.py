@@ -144,3 +144,27 @@ def test_a_mirrored_policy_is_mirrored_in_its_graph(form, observe, monkeypatch):
     assert 20 < mirrored.sum() < 600, "both halves must have been met"
     at_once, _ = session.run(None, given | {"memory": np.array(memories)})
     np.testing.assert_allclose(at_once, walk.actions, atol=1e-5)
+
+
+def test_a_memory_among_the_numbers_of_the_robot_is_put_there(monkeypatch):
+    """Where an entry of a flattened `Dict` lies between others."""
+    reward = DescribedReward(load_behaviour("compass-walking"), "stay", 0.01)
+    rng, seen = np.random.default_rng(2), len(reward.observation_names)
+    weight = jnp.asarray(rng.normal(size=(2, 4 + seen)), jnp.float32)
+    policy = Policy(
+        (weight,),
+        (jnp.zeros(2),),
+        jnp.full(2, -9.0),
+        jnp.full(2, 9.0),
+        memory=json.dumps({**memory_data(reward), "place": 1}),
+    )
+    states = rng.uniform(-0.3, 0.3, (20, 4)).astype(np.float32)
+    session = session_of(policy, monkeypatch)
+    zeros = np.zeros((20, session.get_inputs()[-1].shape[1]), np.float32)
+    given = {"observation": states, "signals": states, "memory": zeros}
+    given |= {"elapsed": zeros[:, 0], "begins": np.ones(20, bool)}
+    actions, _ = session.run(None, given)
+    located = reward.observe(reward.init(states), states)
+    assert len({*np.argmax(located, axis=1)}) > 1
+    inputs = np.concatenate([states[:, :1], located, states[:, 1:]], axis=1)
+    np.testing.assert_allclose(actions, inputs @ np.asarray(weight).T, atol=1e-5)

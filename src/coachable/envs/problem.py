@@ -253,11 +253,7 @@ class EnvironmentProblem(Problem):
             on_nan=self.on_nan,
             observe=setup.observe,
         )
-        space = described.observation_space
-        is_row = isinstance(space, gymnasium.spaces.Box) and len(space.shape) == 1
-        if is_row or not space.is_np_flattenable:
-            return described
-        return gymnasium.wrappers.FlattenObservation(described)
+        return _as_row(described)
 
     def training_environment(self, setup: DescribedSetup, evaluate_every: int) -> gymnasium.Env:
         """As a policy meets it: mirrored by phase, where it is."""
@@ -290,17 +286,20 @@ class EnvironmentProblem(Problem):
             return None, ""
         if self.behaviour.symmetry is None:
             return None, "the description has no mirror" if setup.mirror else ""
-        if isinstance(env, gymnasium.wrappers.FlattenObservation):
+        if not _is_row(env.observation_space):
             return None, f"what {self.env} observes is no row of numbers"
         reward: DescribedReward = env.get_wrapper_attr("behaviour_reward")
         names = reward.observation_names if setup.observe == "memory" else ()
+        place: int | None = env.get_wrapper_attr("memory_place")
+        if names and not _is_sorted(env):
+            return None, f"the entries of what {self.env} observes are not sorted, which a memory would do"
         if self.mirror_image is not None:
             size = gymnasium.spaces.flatdim(env.observation_space) - len(names)
-            return PhaseMirror.of(self.mirror_image.of(size, env), self.behaviour, names), ""
+            return PhaseMirror.of(self.mirror_image.of(size, env), self.behaviour, names, place), ""
         robot = _robot_mirror(self)
         if isinstance(robot, str):
             return None, robot
-        return PhaseMirror.of(robot, self.behaviour, names), ""
+        return PhaseMirror.of(robot, self.behaviour, names, place), ""
 
     def policy_description(self, setup: DescribedSetup) -> dict[str, Any]:
         """What the policy remembers, if it observes that or is mirrored by it."""
@@ -309,7 +308,9 @@ class EnvironmentProblem(Problem):
             if setup.observe == "nothing" and mirror is None:
                 return {}
             memory = memory_data(env.get_wrapper_attr("behaviour_reward"))
-        about = {"memory": memory} if setup.observe == "memory" else {}
+            place = env.get_wrapper_attr("memory_place")
+        observed = memory if place is None else {**memory, "place": place}
+        about = {"memory": observed} if setup.observe == "memory" else {}
         return about if mirror is None else about | {"mirror": {**mirror.to_data(), "memory": memory}}
 
     @property
@@ -361,11 +362,30 @@ def bare_environment(env: str, options: Mapping[str, Any]) -> gymnasium.Env:
         raise PlanError(f"{env!r} cannot be made{given}: {type(error).__name__}: {error}") from error
 
 
+def _is_row(space: gymnasium.Space) -> bool:
+    return isinstance(space, gymnasium.spaces.Box) and len(space.shape) == 1
+
+
+def _is_sorted(env: gymnasium.Env) -> bool:
+    """Whether the entries of what a described environment observes stay in their order with another one."""
+    described = env.env if isinstance(env, gymnasium.wrappers.FlattenObservation) else env
+    own = described.env.observation_space if isinstance(described, gymnasium.Wrapper) else None
+    return not isinstance(own, gymnasium.spaces.Dict) or [*own] == sorted(own)
+
+
+def _as_row(env: gymnasium.Env) -> gymnasium.Env:
+    """The environment with observations that are a row of numbers, if they can be."""
+    space = env.observation_space
+    if _is_row(space) or not space.is_np_flattenable:
+        return env
+    return gymnasium.wrappers.FlattenObservation(env)
+
+
 @lru_cache
 def _robot_mirror(problem: EnvironmentProblem) -> RobotMirror | str:
     """The mirror image of a problem's robot, or why it has none: derived once for all copies in a process."""
     with closing(bare_environment(problem.env, problem.env_options)) as env:
         try:
-            return derived_symmetry(env, problem.behaviour, problem.signal_sources).mirror
+            return derived_symmetry(_as_row(env), problem.behaviour, problem.signal_sources).mirror
         except ParameterError as error:
             return str(error)

@@ -105,6 +105,13 @@ class PolicyController:
         return PhaseMirror.from_json(self.policy.mirror)
 
     @property
+    def place(self) -> int:
+        """Where among the numbers of the robot's observation those of the memory begin: behind them, or where
+        the entry of a `Dict` lies that was flattened."""
+        size = self.policy.weights[0].shape[1] - self.num_shown
+        return json.loads(self.policy.memory or "{}").get("place", size)
+
+    @property
     def num_shown(self) -> int:
         """How many numbers of the memory the policy observes."""
         return len(self.memory.form.observation_names) if self.memory and self.policy.memory else 0
@@ -122,7 +129,8 @@ class PolicyController:
         assert self.memory is not None
         xp, seen = array_library(observation), observation
         if self.num_shown:
-            seen = xp.concat([seen, self.memory.shown(memory, signals)], axis=-1)
+            place, shown = self.place, self.memory.shown(memory, signals)
+            seen = xp.concat([seen[..., :place], shown, seen[..., place:]], axis=-1)
         if self.mirror is None:
             return seen, None
         mirrored = self.mirror.is_mirrored(self.memory.expected(memory))

@@ -36,18 +36,24 @@ class PhaseMirror:
     """Whether each phase lies in the mirrored half; the last one is that of none."""
 
     @staticmethod
-    def of(robot: RobotMirror, behaviour: Behaviour, observed: tuple[str, ...] = ()) -> PhaseMirror:
+    def of(
+        robot: RobotMirror, behaviour: Behaviour, observed: tuple[str, ...] = (), place: int | None = None
+    ) -> PhaseMirror:
         """The mirror of a robot's policy.
 
-        **Arguments:** `observed`, the names of the numbers of the memory that stand behind the robot's own.
+        **Arguments:** `observed`, the names of the numbers of the memory; `place`, where among the robot's
+        own they begin, by default behind them.
         """
         names = behaviour.phase_names
         images = {name: names[image] for name, image in zip(names, behaviour.phase_images, strict=True)}
         memory = SignedPermutation(
             tuple(observed.index(_image(name, images)) for name in observed), (1,) * len(observed)
         )
+        own = robot.observation
         return PhaseMirror(
-            robot.observation.followed_by(memory), robot.action, (*behaviour.mirrored_phases, False)
+            own.around(memory, len(own.sources) if place is None else place),
+            robot.action,
+            (*behaviour.mirrored_phases, False),
         )
 
     def observed(self, observation: Float[Any, " numbers"], phase: int) -> Float[Any, " numbers"]:

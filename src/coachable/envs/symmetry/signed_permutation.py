@@ -37,8 +37,16 @@ class SignedPermutation:
 
     def followed_by(self, other: SignedPermutation) -> SignedPermutation:
         """The two side by side: a row of both."""
-        shifted = tuple(len(self.sources) + source for source in other.sources)
-        return SignedPermutation(self.sources + shifted, self.signs + other.signs)
+        return self.around(other, len(self.sources))
+
+    def around(self, other: SignedPermutation, place: int) -> SignedPermutation:
+        """That of a row in which another one stands in this one, before a place of it."""
+        size = len(other.sources)
+        ours = tuple(source if source < place else source + size for source in self.sources)
+        theirs = tuple(place + source for source in other.sources)
+        return SignedPermutation(
+            ours[:place] + theirs + ours[place:], self.signs[:place] + other.signs + self.signs[place:]
+        )
 
     @property
     def is_involution(self) -> bool:
