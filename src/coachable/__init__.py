@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from coachable.gaits import gait as gait
     from coachable.gaits.survey import survey as survey
     from coachable.learning import Policy as Policy
+    from coachable.learning import PolicyController as PolicyController
     from coachable.learning import PPOConfig as PPOConfig
     from coachable.plants import CompassParameters as CompassParameters
     from coachable.plants import CompassWalker as CompassWalker
@@ -87,6 +88,7 @@ _HOMES = {
     "Plant": "plants",
     "PlantProblem": "envs",
     "Policy": "learning",
+    "PolicyController": "learning",
     "Potential": "rewards",
     "Problem": "envs",
     "Released": "rewards",

@@ -13,11 +13,10 @@ from coachable.behaviours.text.printer import to_text
 from coachable.envs.problem import EnvironmentProblem, PlantProblem
 from coachable.experiments.experiment import Experiment, differences
 from coachable.experiments.layout import batch_sizes
+from coachable.experiments.named_modules import modules_named, require_trusted
 from coachable.experiments.plan import (
     load_plan,
-    modules_named,
     parse_plan,
-    require_trusted,
     shipped_plans,
     shipped_settings,
     trainer_settings,

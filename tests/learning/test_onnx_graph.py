@@ -18,6 +18,7 @@ from coachable.plants.compass import STATE_NAMES
 from coachable.rewards.controller_memory import memory_data
 from coachable.rewards.described_reward import DescribedReward
 from coachable.rewards.forms import Schedule
+from tests.learning.mirrored_walk import DT, mirrored_walk
 
 onnxruntime = pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'coachable[dev]'")
 
@@ -90,10 +91,7 @@ def test_a_policy_with_a_memory_takes_it_along(clock, monkeypatch):
     walk = co.rollout(policy, 1.0, clock=clock)
     states = np.stack([walk.states[name] for name in STATE_NAMES], axis=1).astype(np.float32)
     asked = np.stack([walk.controls[name] for name in walk.controls], axis=1)
-    with monkeypatch.context() as patch:
-        # A graph's arrays have sizes with names, which annotations are not checked against.
-        patch.setattr(jaxtyping.config, "jaxtyping_disable", True)
-        session = onnxruntime.InferenceSession(onnx_bytes(policy))
+    session = session_of(policy, monkeypatch)
     assert [end.name for end in session.get_outputs()] == ["action", "memory_after"]
     assert json.loads(session.get_modelmeta().custom_metadata_map["signals"]) == list(STATE_NAMES)
     memory = np.zeros((1, session.get_inputs()[-1].shape[1]), np.float32)
@@ -105,3 +103,68 @@ def test_a_policy_with_a_memory_takes_it_along(clock, monkeypatch):
         actions.append(action[0])
     np.testing.assert_allclose(actions, asked[:-1], atol=1e-5)
     assert np.ptp(actions, axis=0).max() > 0.05
+
+
+def session_of(policy, monkeypatch):
+    with monkeypatch.context() as patch:
+        # A graph's arrays have sizes with names, which annotations are not checked against.
+        patch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+        return onnxruntime.InferenceSession(onnx_bytes(policy))
+
+
+@pytest.mark.parametrize("observe", ["memory", "nothing"])
+@pytest.mark.parametrize("form", ["schedule", "stay"])
+def test_a_mirrored_policy_is_mirrored_in_its_graph(form, observe, monkeypatch):
+    """In a walk, and of many robots at once, each with a phase of its own."""
+    pytest.importorskip("mujoco")
+    walk = mirrored_walk(form, observe)
+    session = session_of(walk.policy, monkeypatch)
+    assert [end.name for end in session.get_inputs()] == [
+        "observation",
+        "signals",
+        "elapsed",
+        "begins",
+        "memory",
+    ]
+    given = {
+        "observation": walk.observations.astype(np.float32),
+        "signals": walk.signals.astype(np.float32),
+        "elapsed": np.full(len(walk.begins), DT, np.float32),
+        "begins": walk.begins,
+    }
+    memory = np.zeros((1, session.get_inputs()[-1].shape[1]), np.float32)
+    actions, memories = [], []
+    for row in range(len(walk.begins)):
+        memories.append(memory[0])
+        now = {name: values[row, None] for name, values in given.items()}
+        action, memory = session.run(None, now | {"memory": memory})
+        actions.append(action[0])
+    np.testing.assert_allclose(actions, walk.actions, atol=1e-5)
+    mirrored = np.array(json.loads(walk.policy.mirror)["mirrored_phases"])[walk.phases]
+    assert 20 < mirrored.sum() < 600, "both halves must have been met"
+    at_once, _ = session.run(None, given | {"memory": np.array(memories)})
+    np.testing.assert_allclose(at_once, walk.actions, atol=1e-5)
+
+
+def test_a_memory_among_the_numbers_of_the_robot_is_put_there(monkeypatch):
+    """Where an entry of a flattened `Dict` lies between others."""
+    reward = DescribedReward(load_behaviour("compass-walking"), "stay", 0.01)
+    rng, seen = np.random.default_rng(2), len(reward.observation_names)
+    weight = jnp.asarray(rng.normal(size=(2, 4 + seen)), jnp.float32)
+    policy = Policy(
+        (weight,),
+        (jnp.zeros(2),),
+        jnp.full(2, -9.0),
+        jnp.full(2, 9.0),
+        memory=json.dumps({**memory_data(reward), "place": 1}),
+    )
+    states = rng.uniform(-0.3, 0.3, (20, 4)).astype(np.float32)
+    session = session_of(policy, monkeypatch)
+    zeros = np.zeros((20, session.get_inputs()[-1].shape[1]), np.float32)
+    given = {"observation": states, "signals": states, "memory": zeros}
+    given |= {"elapsed": zeros[:, 0], "begins": np.ones(20, bool)}
+    actions, _ = session.run(None, given)
+    located = reward.observe(reward.init(states), states)
+    assert len({*np.argmax(located, axis=1)}) > 1
+    inputs = np.concatenate([states[:, :1], located, states[:, 1:]], axis=1)
+    np.testing.assert_allclose(actions, inputs @ np.asarray(weight).T, atol=1e-5)

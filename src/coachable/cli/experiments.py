@@ -113,7 +113,8 @@ def train(
         coachable train --env Hopper-v5 --behaviour mine.behaviour --trainer sb3-sac --settings sac-mujoco
         coachable train --env coachable/CompassWalker-v0 --behaviour compass-walking --trainer sb3-ppo
     """
-    from coachable.experiments.plan import load_plan, modules_named, trainer_settings
+    from coachable.experiments.named_modules import modules_named
+    from coachable.experiments.plan import load_plan, trainer_settings
     from coachable.experiments.runner import run_experiment
     from coachable.foundation.errors import PlanError
 

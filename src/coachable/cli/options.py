@@ -98,7 +98,7 @@ def say_imports(trust: bool, *paths: str | Path | None, known: Collection[str] =
 
     **Raises:** `PlanError` for those that something from outside of the current folder names, unless `trust`.
     """
-    from coachable.experiments.plan import require_trusted
+    from coachable.experiments.named_modules import require_trusted
 
     for path in paths:
         if path is not None and (modules := require_trusted(path, trust, known)):

@@ -110,6 +110,11 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         self.expected_phase = len(self.behaviour_reward.behaviour.phases)
         """The phase that the form expects now: that of its expected run, or the one that the robot is in."""
 
+    @property
+    def memory_place(self) -> int | None:
+        """Where in the flattened observation the memory's numbers begin; `None` if at the end, or nowhere."""
+        return None if self._observer is None else self._observer.place
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:

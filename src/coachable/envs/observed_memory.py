@@ -55,6 +55,19 @@ class MemoryObserver:
         )
         return MemoryObserver(appended, None, np.dtype(appended.dtype))
 
+    @property
+    def place(self) -> int | None:
+        """Where they begin in a flattened `Dict`, whose entries follow one another; `None` if at the end."""
+        if self.key is None or not isinstance(self.space, gymnasium.spaces.Dict):
+            return None
+        names = [*self.space.spaces]
+        before = names[: names.index(self.key)]
+        return (
+            None
+            if len(before) == len(names) - 1
+            else sum(gymnasium.spaces.flatdim(self.space[name]) for name in before)
+        )
+
     def append(self, observation: Any, numbers: Float[np.ndarray, "*batch numbers"]) -> Any:
         """One environment's observation, or a batch of them, with the numbers in it."""
         numbers = numbers.astype(self.dtype)

@@ -20,6 +20,7 @@ from coachable.envs.signals.reading import OnNaN
 from coachable.envs.signals.sources import SignalSources, signal_sources
 from coachable.envs.squashing import Squashing
 from coachable.envs.symmetry.derived import RobotMirror, derived_symmetry
+from coachable.envs.symmetry.named_mirror import NamedMirror
 from coachable.envs.symmetry.phase_mirror import MirroredEnv, PhaseMirror
 from coachable.envs.walking_task import Clock, WalkingTask, make_task
 from coachable.foundation.data import plain
@@ -187,7 +188,10 @@ class PlantProblem(Problem):
 
 @dataclass(frozen=True, kw_only=True)
 class EnvironmentProblem(Problem):
-    """A Gymnasium environment with a behaviour."""
+    """A Gymnasium environment with a behaviour.
+
+    **Raises:** at construction `ParameterError` for a mirror image of a robot whose behaviour has none.
+    """
 
     in_jax: ClassVar[bool] = False
     setup_type: ClassVar[type[Setup]] = DescribedSetup
@@ -203,8 +207,15 @@ class EnvironmentProblem(Problem):
     """Time between two steps [s]; by default the environment's own."""
     on_nan: OnNaN = "raise"
     """What a signal that is NaN does; see `BehaviourReward`."""
+    mirror_image: NamedMirror | None = None
+    """What the robot looks like in a mirror, in place of what is derived of a MuJoCo robot."""
 
     def __post_init__(self):
+        if self.mirror_image is not None and self.behaviour.symmetry is None:
+            raise ParameterError(
+                f"mirror: behaviour {self.behaviour.name!r} has no two sides, so nothing is mirrored; say so "
+                "in it, as in `mirror left <-> right`, or leave the table out"
+            )
         # Numbers of NumPy have no place in a plan, nor in what a reward is known by.
         for name in ("env_options", "signals", "dt"):
             object.__setattr__(self, name, plain(getattr(self, name)))
@@ -242,11 +253,7 @@ class EnvironmentProblem(Problem):
             on_nan=self.on_nan,
             observe=setup.observe,
         )
-        space = described.observation_space
-        is_row = isinstance(space, gymnasium.spaces.Box) and len(space.shape) == 1
-        if is_row or not space.is_np_flattenable:
-            return described
-        return gymnasium.wrappers.FlattenObservation(described)
+        return _as_row(described)
 
     def training_environment(self, setup: DescribedSetup, evaluate_every: int) -> gymnasium.Env:
         """As a policy meets it: mirrored by phase, where it is."""
@@ -257,7 +264,8 @@ class EnvironmentProblem(Problem):
     def mirror(self, setup: DescribedSetup) -> PhaseMirror | None:
         """How the setup's policy is mirrored by phase; `None` if it is not.
 
-        **Raises:** `ParameterError` with the reason, where the setup demands a mirror and there is none.
+        **Raises:** `ParameterError` with the reason, where the setup demands a mirror and there is none, and
+        for a `mirror_image` that is not the robot's.
         """
         with closing(self.environment(setup)) as env:
             return self._mirror_in(env, setup)
@@ -278,14 +286,20 @@ class EnvironmentProblem(Problem):
             return None, ""
         if self.behaviour.symmetry is None:
             return None, "the description has no mirror" if setup.mirror else ""
-        if isinstance(env, gymnasium.wrappers.FlattenObservation):
+        if not _is_row(env.observation_space):
             return None, f"what {self.env} observes is no row of numbers"
+        reward: DescribedReward = env.get_wrapper_attr("behaviour_reward")
+        names = reward.observation_names if setup.observe == "memory" else ()
+        place: int | None = env.get_wrapper_attr("memory_place")
+        if names and not _is_sorted(env):
+            return None, f"the entries of what {self.env} observes are not sorted, which a memory would do"
+        if self.mirror_image is not None:
+            size = gymnasium.spaces.flatdim(env.observation_space) - len(names)
+            return PhaseMirror.of(self.mirror_image.of(size, env), self.behaviour, names, place), ""
         robot = _robot_mirror(self)
         if isinstance(robot, str):
             return None, robot
-        reward: DescribedReward = env.get_wrapper_attr("behaviour_reward")
-        names = reward.observation_names if setup.observe == "memory" else ()
-        return PhaseMirror.of(robot, self.behaviour, names), ""
+        return PhaseMirror.of(robot, self.behaviour, names, place), ""
 
     def policy_description(self, setup: DescribedSetup) -> dict[str, Any]:
         """What the policy remembers, if it observes that or is mirrored by it."""
@@ -294,7 +308,9 @@ class EnvironmentProblem(Problem):
             if setup.observe == "nothing" and mirror is None:
                 return {}
             memory = memory_data(env.get_wrapper_attr("behaviour_reward"))
-        about = {"memory": memory} if setup.observe == "memory" else {}
+            place = env.get_wrapper_attr("memory_place")
+        observed = memory if place is None else {**memory, "place": place}
+        about = {"memory": observed} if setup.observe == "memory" else {}
         return about if mirror is None else about | {"mirror": {**mirror.to_data(), "memory": memory}}
 
     @property
@@ -315,13 +331,14 @@ class EnvironmentProblem(Problem):
         )
 
     def to_data(self) -> dict[str, Any]:
-        """The keys `env`, `dt` and `on_nan`, and the tables `env_options` and `signals`."""
+        """The keys `env`, `dt` and `on_nan`, and the tables `env_options`, `signals` and `mirror`."""
         return {
             "env": self.env,
             **({} if self.dt is None else {"dt": self.dt}),
             "on_nan": self.on_nan,
             "env_options": dict(self.env_options),
             "signals": dict(self.signals),
+            **({} if self.mirror_image is None else {"mirror": self.mirror_image.to_data()}),
         }
 
 
@@ -345,11 +362,30 @@ def bare_environment(env: str, options: Mapping[str, Any]) -> gymnasium.Env:
         raise PlanError(f"{env!r} cannot be made{given}: {type(error).__name__}: {error}") from error
 
 
+def _is_row(space: gymnasium.Space) -> bool:
+    return isinstance(space, gymnasium.spaces.Box) and len(space.shape) == 1
+
+
+def _is_sorted(env: gymnasium.Env) -> bool:
+    """Whether the entries of what a described environment observes stay in their order with another one."""
+    described = env.env if isinstance(env, gymnasium.wrappers.FlattenObservation) else env
+    own = described.env.observation_space if isinstance(described, gymnasium.Wrapper) else None
+    return not isinstance(own, gymnasium.spaces.Dict) or [*own] == sorted(own)
+
+
+def _as_row(env: gymnasium.Env) -> gymnasium.Env:
+    """The environment with observations that are a row of numbers, if they can be."""
+    space = env.observation_space
+    if _is_row(space) or not space.is_np_flattenable:
+        return env
+    return gymnasium.wrappers.FlattenObservation(env)
+
+
 @lru_cache
 def _robot_mirror(problem: EnvironmentProblem) -> RobotMirror | str:
     """The mirror image of a problem's robot, or why it has none: derived once for all copies in a process."""
     with closing(bare_environment(problem.env, problem.env_options)) as env:
         try:
-            return derived_symmetry(env, problem.behaviour, problem.signal_sources).mirror
+            return derived_symmetry(_as_row(env), problem.behaviour, problem.signal_sources).mirror
         except ParameterError as error:
             return str(error)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module, resources
@@ -14,12 +14,13 @@ from typing import Any, Literal, get_args
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import SHIPPED, load_behaviour
 from coachable.envs.problem import EnvironmentProblem, PlantProblem, Problem, Setup
+from coachable.envs.symmetry.named_mirror import NamedMirror
 from coachable.experiments.experiment import Experiment
 from coachable.experiments.trainers.environment_ppo import EnvironmentPPO
 from coachable.experiments.trainers.ppo import PPO
 from coachable.experiments.trainers.stable_baselines3 import Algorithm, StableBaselines3
 from coachable.experiments.trainers.trainer import Trainer
-from coachable.foundation.data import parse_json, parse_toml, real_number, structure_given
+from coachable.foundation.data import parse_toml, real_number, structure_given
 from coachable.foundation.errors import CoachableError, ParameterError, PlanError
 from coachable.foundation.files import read_text
 from coachable.foundation.suggestion import suggestion
@@ -41,7 +42,6 @@ _CHOICES = {
 }
 _SHIPPED = resources.files("coachable.experiments") / "plans"
 _SHIPPED_SETTINGS = resources.files("coachable.experiments") / "settings"
-_NAMES_NO_MODULE = ("name", "behaviour", "env_options")
 _ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
 
 
@@ -74,12 +74,13 @@ class _Tables:
     signals: Mapping[str, Any] = field(default_factory=dict)
     dt: float = 0.0
     on_nan: Literal["raise", "outside"] = "raise"
+    mirror: NamedMirror | None = None
     evaluation_episodes: int = 1
     deterministic: str | tuple[str, ...] = ("clipped-mean",)
 
 
 _OF_PLANTS = ("semantics", "reward_variant", "clock", "plant")
-_OF_ENVIRONMENTS = ("env_options", "signals", "dt", "on_nan", "evaluation_episodes")
+_OF_ENVIRONMENTS = ("env_options", "signals", "dt", "on_nan", "mirror", "evaluation_episodes")
 _MERGED = ("seeds", "plant", "ppo", "sb3", "settings")
 """Tables whose keys are given one by one, by any layer."""
 
@@ -101,68 +102,6 @@ def shipped_plans() -> list[str]:
 def shipped_settings() -> list[str]:
     """Names of the trainers' settings that come with the package."""
     return _names(_SHIPPED_SETTINGS)
-
-
-def modules_named(data: Mapping[str, Any]) -> tuple[str, ...]:
-    """The modules that a file's tables name as `module:name`, and that reading it may import."""
-    found: dict[str, None] = {}
-
-    def look(value: Any) -> None:
-        if isinstance(value, Mapping):
-            for each in value.values():
-                look(each)
-        elif isinstance(value, list | tuple):
-            for each in value:
-                look(each)
-        elif isinstance(value, str) and (module := value.partition(":"))[1] and module[0]:
-            found[module[0]] = None  # any name of a file may be a module's
-
-    look({key: value for key, value in data.items() if key not in _NAMES_NO_MODULE})
-    return tuple(name for name in found if name.partition(".")[0] != "coachable")
-
-
-def modules_to_import(name_or_path: str | Path) -> tuple[str, ...]:
-    """The modules that a plan's file, a run folder, or a counterexample's file names.
-
-    None for what cannot be read, which is refused where it is used.
-    """
-    path, plan, named = Path(name_or_path), Path(name_or_path), ()
-    if path.is_dir():
-        plan = path / "plan.toml"
-    elif path.suffix == ".json":
-        counterexample = _tables(path, parse_json)
-        named = modules_named({"plant": counterexample.get("plant_class")})
-        if "environment" not in counterexample:
-            return named
-        plan = path.resolve().parent.parent / "plan.toml"  # of its run, in which it is simulated anew
-    return modules_named(_tables(plan, parse_toml))
-
-
-def _tables(path: Path, parse: Callable[..., dict[str, Any]]) -> dict[str, Any]:
-    try:
-        return parse(read_text(path, error=PlanError), str(path), PlanError)
-    except PlanError:
-        return {}
-
-
-def require_trusted(
-    name_or_path: str | Path, trusted: bool = False, known: Collection[str] = ()
-) -> tuple[str, ...]:
-    """The modules that would be imported for a plan's file, a run folder, or a counterexample's file.
-
-    **Arguments:** `trusted`, whether it may import whatever it names; `known`, modules that are named
-    elsewhere, too.
-
-    **Raises:** `PlanError` for another one from outside of the current folder: importing them runs their
-    code.
-    """
-    modules = tuple(name for name in modules_to_import(name_or_path) if name not in known)
-    if modules and not trusted and not Path(name_or_path).resolve().is_relative_to(Path.cwd().resolve()):
-        raise PlanError(
-            f"{name_or_path} lies outside of the current folder and would run code of yours or of others: it "
-            f"names {', '.join(modules)}. Read it, and give --trust if it may import that"
-        )
-    return modules
 
 
 def load_plan(name_or_path: str | Path | None, **options: Any) -> Experiment:
@@ -356,6 +295,7 @@ def _environment_problem(
         signals=given.get("signals", {}),
         dt=given.get("dt"),
         on_nan=given.get("on_nan", "raise"),
+        mirror_image=given.get("mirror"),
     ), described_by
 
 

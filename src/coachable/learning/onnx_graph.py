@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from coachable.foundation.errors import MissingExtraError, ParameterError
+from coachable.envs.symmetry.signed_permutation import SignedPermutation
+from coachable.foundation.errors import MissingExtraError
 from coachable.learning.policy import Policy
+from coachable.learning.policy_controller import PolicyController
 from coachable.rewards.controller_memory import ControllerMemory
 
 OPSET = 17
@@ -22,7 +24,8 @@ def onnx_bytes(policy: Policy) -> bytes:
     """The policy as an ONNX model: `observation`, float32 (batch, n) → `action`, float32 (batch, m).
 
     Observations are not normalised and actions are within the policy's box: both are part of the graph. A
-    policy that observes more than the robot has its memory in the graph, too, and takes besides
+    policy that observes more than the robot, or is mirrored by phase, has its memory in the graph, too, and
+    takes besides
 
     - `signals`, float32 (batch, k): what its behaviour is written in, in the order of `signals` in the
       metadata, in the behaviour's units;
@@ -30,28 +33,26 @@ def onnx_bytes(policy: Policy) -> bytes:
     - `begins`, bool (batch,): whether it is the first sample; nothing is remembered then;
     - `memory`, float32 (batch, numbers): `memory_after`, a further output, of the sample before.
 
+    `observation` is that of the robot alone. Rows are robots of their own: of each, the phase that is
+    expected after this sample decides whether observation and action are mirrored, as in `PolicyController`.
     What else describes the policy is in the model's metadata as `description`, JSON.
 
-    **Raises:** `MissingExtraError` without the packages of the extra [onnx]; `ParameterError` for a policy
-    that is mirrored by phase.
+    **Raises:** `MissingExtraError` without the packages of the extra [onnx].
     """
     try:
         from onnx import checker, helper
     except ImportError:
         raise MissingExtraError("an ONNX file", "onnx") from None
-    if policy.mirror:
-        raise ParameterError(
-            "this policy is mirrored by phase, which no ONNX file says yet; train it with mirror = false"
-        )
-    memory = ControllerMemory.of(policy)
-    model = _network(policy, OPSET) if memory is None else _with_memory(policy, memory)
+    controller = PolicyController(policy)
+    memory = controller.memory
+    model = _network(policy, OPSET) if memory is None else _with_memory(controller, memory)
     signals = {} if memory is None else {"signals": json.dumps(memory.signal_names)}
     helper.set_model_props(model, {"description": json.dumps(policy.description()), **signals})
     checker.check_model(model)
     return model.SerializeToString()
 
 
-def _with_memory(policy: Policy, memory: ControllerMemory) -> Any:
+def _with_memory(controller: PolicyController, memory: ControllerMemory) -> Any:
     """The memory's graph with the network's behind it."""
     try:
         import ndonnx as ndx
@@ -59,7 +60,8 @@ def _with_memory(policy: Policy, memory: ControllerMemory) -> Any:
         raise MissingExtraError("the ONNX file of a policy with a memory", "onnx") from None
     from onnx import compose, version_converter
 
-    size = policy.weights[0].shape[1] - len(memory.form.observation_names)
+    policy = controller.policy
+    size = policy.weights[0].shape[1] - controller.num_shown
     observation, signals, before = (
         ndx.argument(shape=("batch", columns), dtype=ndx.float32)
         for columns in (size, len(memory.signal_names), len(memory.real))
@@ -70,7 +72,7 @@ def _with_memory(policy: Policy, memory: ControllerMemory) -> Any:
     now = ndx.where(
         begins[:, None], memory.numbers(memory.begun(signals), signals), memory.numbers(later, signals)
     )
-    seen = ndx.concat([observation, memory.shown(memory.recalled(now), signals)], axis=1)
+    seen, mirrored = controller.seen(memory.recalled(now), observation, signals)
     graph = ndx.build(
         {
             "observation": observation,
@@ -79,12 +81,21 @@ def _with_memory(policy: Policy, memory: ControllerMemory) -> Any:
             "begins": begins,
             "memory": before,
         },
-        {"seen": seen, "memory_after": now},
+        {
+            "seen": seen,
+            **({} if mirrored is None else {"mirrored": mirrored[:, None]}),
+            "memory_after": now,
+        },
     )
     graph = version_converter.convert_version(graph, OPSET_OF_MEMORY)
-    network = compose.add_prefix(_network(policy, OPSET_OF_MEMORY), "network/")
+    network = _network(policy, OPSET_OF_MEMORY)
+    joints = [("seen", "network/observation")]
+    if controller.mirror is not None:
+        _mirror_action(network, controller.mirror.action)
+        joints.append(("mirrored", "network/mirrored"))
+    network = compose.add_prefix(network, "network/")
     network.ir_version = graph.ir_version
-    model = compose.merge_models(graph, network, io_map=[("seen", "network/observation")])
+    model = compose.merge_models(graph, network, io_map=joints)
     for node in model.graph.node:
         node.output[:] = ["action" if name == "network/action" else name for name in node.output]
     after, action = model.graph.output
@@ -93,6 +104,28 @@ def _with_memory(policy: Policy, memory: ControllerMemory) -> Any:
     del model.graph.output[:], model.opset_import[1:]
     model.graph.output.extend(ends)
     return model
+
+
+def _mirror_action(model: Any, image: SignedPermutation) -> None:
+    """Mirror a network's action in the rows in which `mirrored`, bool (batch, 1), a new input, is true."""
+    from onnx import TensorProto, helper, numpy_helper
+
+    graph = model.graph
+    graph.node[-1].output[0] = "policys_action"
+    graph.initializer.extend(
+        [
+            numpy_helper.from_array(np.array(image.sources, np.int64), "action_sources"),
+            numpy_helper.from_array(np.array(image.signs, np.float32), "action_signs"),
+        ]
+    )
+    graph.node.extend(
+        [
+            helper.make_node("Gather", ["policys_action", "action_sources"], ["moved_action"], axis=1),
+            helper.make_node("Mul", ["moved_action", "action_signs"], ["action_image"]),
+            helper.make_node("Where", ["mirrored", "action_image", "policys_action"], ["action"]),
+        ]
+    )
+    graph.input.append(helper.make_tensor_value_info("mirrored", TensorProto.BOOL, ["batch", 1]))
 
 
 def _network(policy: Policy, opset: int) -> Any:

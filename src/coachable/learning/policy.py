@@ -49,7 +49,7 @@ class Policy(eqx.Module):
     """What it observes behind a plant's state, as JSON: `behaviour`, the text, and `reward_variant`, the form
     whose memory it is. Empty for a state feedback."""
     mirror: str = eqx.field(static=True, default="")
-    """How it is mirrored by phase, as JSON; see `PhaseMirror`. Called, it is not: who calls it does that."""
+    """How it is mirrored by phase, as JSON; see `PhaseMirror`. Empty if it is not."""
 
     def __check_init__(self) -> None:
         for name, known in (
@@ -91,7 +91,11 @@ class Policy(eqx.Module):
         return self.squashing == "clip" and self.deterministic == "clipped-mean"
 
     def __call__(self, x: Float[Array, " state"]) -> Float[Array, " controls"]:
-        """The applied action in state x; of the compass walker torques [N m]."""
+        """The applied action for what the network observes; of the compass walker torques [N m].
+
+        This is the network alone: x holds the numbers of its memory, where it observes one, and nothing is
+        mirrored. `PolicyController` runs a policy with both.
+        """
         activate = ACTIVATIONS[self.activation]
         if self.shift is not None and self.scale is not None:
             x = jnp.clip((x - self.shift) / self.scale, -self.bound, self.bound)

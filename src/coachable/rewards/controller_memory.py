@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from coachable.automata.classifier import array_library
 from coachable.automata.tracker import Memory, Tracker
@@ -41,9 +41,14 @@ class ControllerMemory:
 
     @staticmethod
     def of(controller: object) -> ControllerMemory | None:
-        """The memory of a controller, `None` for a state feedback."""
+        """The memory of what a controller observes, `None` for a state feedback."""
         described = getattr(controller, "memory", "")
-        return _described(described) if described else None
+        return ControllerMemory.from_json(described) if described else None
+
+    @staticmethod
+    def from_json(description: str) -> ControllerMemory:
+        """The inverse of `memory_data`, as JSON."""
+        return _described(description)
 
     @property
     def signal_names(self) -> tuple[str, ...]:
@@ -74,6 +79,10 @@ class ControllerMemory:
         return array_library(zero).stack(
             self.form.observe(remembered.form, remembered.phase.location, zero), axis=-1
         )
+
+    def expected(self, remembered: Remembered) -> Int[Any, "*batch"]:
+        """The phase 0 … K−1 that is expected now, or K if none: by it policies are mirrored."""
+        return self.form.expected(remembered.form, remembered.phase.location)
 
     def numbers(self, remembered: Remembered, like: Float[Any, "..."]) -> Float[Any, "*batch memory"]:
         """All that is remembered as a row of numbers, in the library and dtype of `like`."""

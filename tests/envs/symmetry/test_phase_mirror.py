@@ -1,6 +1,7 @@
 """Mirroring by phase: to the policy, one side is the other; whoever runs it does it alike."""
 
 import json
+from collections import OrderedDict
 
 import gymnasium
 import numpy as np
@@ -16,9 +17,12 @@ from coachable.envs.symmetry.derived import RobotMirror, derived_symmetry
 from coachable.envs.symmetry.mujoco_mirror import mirrors_of
 from coachable.envs.symmetry.phase_mirror import MirroredEnv, PhaseMirror
 from coachable.envs.symmetry.signed_permutation import SignedPermutation
+from coachable.experiments.assessment import actor
 from coachable.foundation.errors import ParameterError
+from coachable.learning.policy_controller import PolicyController
 from coachable.rewards.forms import Schedule
 from coachable.rewards.setup import DescribedSetup
+from tests.learning.mirrored_walk import DT, random_policy
 
 pytest.importorskip("mujoco", reason="needs the [mujoco] extra: pip install 'coachable[mujoco]'")
 
@@ -53,12 +57,17 @@ class Start(gymnasium.Wrapper):
         return base._get_obs(), info
 
 
+@pytest.fixture(autouse=True, scope="module")
+def few_states():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(derived, "NUM_STATES", 30)
+        patch.setattr(derived, "NUM_TESTS", 5)
+        yield
+
+
 @pytest.fixture(scope="module")
 def robot():
-    before = derived.NUM_STATES
-    derived.NUM_STATES = 30
-    yield derived_symmetry(gymnasium.make("Walker2d-v5"), STEPS).mirror
-    derived.NUM_STATES = before
+    return derived_symmetry(gymnasium.make("Walker2d-v5"), STEPS).mirror
 
 
 def described(mirrored, observe):
@@ -133,6 +142,74 @@ def test_where_it_cannot_be_the_reason_is_told():
     assert hopper.why_not_mirrored(setup(mirror=False)) == ""
     with pytest.raises(ParameterError, match=r"mirror = true: .*no left and right"):
         hopper.mirror(setup(mirror=True))
+
+
+class Entries(gymnasium.ObservationWrapper):
+    """A walker whose angles and velocities are entries of their own."""
+
+    def __init__(self, order=dict, **options):
+        super().__init__(gymnasium.make("Walker2d-v5", **options))
+        parts = {"posture": 8, "motion": 9}
+        box = {name: gymnasium.spaces.Box(-np.inf, np.inf, (size,)) for name, size in parts.items()}
+        self.observation_space = gymnasium.spaces.Dict(order(box))
+
+    def observation(self, observation):
+        return {"posture": observation[:8], "motion": observation[8:]}
+
+
+class Angles(Entries):
+    """Between whose entries that of the memory, `behaviour`, comes."""
+
+    def __init__(self, **options):
+        super().__init__(**options)
+        self.observation_space = gymnasium.spaces.Dict(
+            {"angles": self.observation_space["posture"], "velocities": self.observation_space["motion"]}
+        )
+
+    def observation(self, observation):
+        return {"angles": observation[:8], "velocities": observation[8:]}
+
+
+gymnasium.register("Angles-v0", Angles, max_episode_steps=60)
+gymnasium.register("Unsorted-v0", Entries, max_episode_steps=60, kwargs={"order": OrderedDict})
+
+
+def of_entries(env, entry):
+    signals = {"left_foot_x": {"observation": [entry, 2]}, "right_foot_x": {"observation": [entry, 5]}}
+    options = {"terminate_when_unhealthy": False}
+    return EnvironmentProblem(behaviour=STEPS, env=env, signals=signals, env_options=options)
+
+
+def test_entries_of_a_dict_are_mirrored_in_one_row():
+    plain, angles = problem("Walker2d-v5"), of_entries(f"{__name__}:Angles-v0", "angles")
+    ours, theirs = (each.mirror(setup()) for each in (plain, angles))
+    assert theirs == ours
+    seeing = setup(observe="memory")
+    mirror = angles.mirror(seeing)
+    row = np.r_[np.arange(8.0), [0.0, 1.0, 0.3, 1.0], np.arange(8.0, 17.0)]
+    expected = ours.observation(np.arange(17.0))
+    np.testing.assert_array_equal(mirror.observed(row, 1), [*expected[:8], 1.0, 0.0, 0.3, 1.0, *expected[8:]])
+    env = angles.environment(seeing)
+    policy = random_policy(env, angles.policy_description(seeing))
+    controller, act, memory, halves = PolicyController(policy), actor(policy, env), None, set()
+    (seen, _), over = env.reset(seed=1), False
+    while not over:
+        own = np.r_[seen[:8], seen[12:]]
+        signals = own[[2, 5]]
+        action, memory = (
+            controller.begin(own, signals) if memory is None else controller.step(memory, own, signals, DT)
+        )
+        np.testing.assert_allclose(action, act(seen), atol=1e-5)
+        halves.add(env.get_wrapper_attr("expected_phase"))
+        seen, _, terminated, truncated, _ = env.step(act(seen))
+        over = terminated or truncated
+    assert halves == {0, 1}
+
+
+def test_entries_in_an_order_of_their_own_are_mirrored_without_a_memory_alone():
+    unsorted = of_entries(f"{__name__}:Unsorted-v0", "posture")
+    assert unsorted.mirror(setup()) == problem("Walker2d-v5").mirror(setup())
+    assert "are not sorted" in unsorted.why_not_mirrored(setup(observe="memory"))
 
 
 def test_a_setup_may_do_without():

@@ -15,6 +15,7 @@ def test_numbers_change_places_and_signs():
     np.testing.assert_array_equal(SWAP(np.stack([row, 2 * row])), [[-2.0, -1.0, 3.0], [-4.0, -2.0, 6.0]])
     np.testing.assert_array_equal(SWAP(jnp.asarray(row)), [-2.0, -1.0, 3.0])
     assert SWAP(row.astype(np.float32)).dtype == np.float32
+    assert SWAP(jnp.asarray(row, jnp.float32)).dtype == jnp.float32
     assert SWAP.moved == (0, 1)
 
 

@@ -83,7 +83,8 @@ def derived_symmetry(
     if not all(hasattr(base, attribute) for attribute in ("model", "data", "set_state", "_get_obs")):
         raise ParameterError(
             f"{name} is no MuJoCo environment of Gymnasium's, so its mirror image cannot be derived; name it "
-            "in the plan: [mirror] observation = [...] and action = [...]"
+            "in the plan: [mirror] observation = { swap = [[...]], flip = [...] } and action = { ... }, as "
+            "in docs/environments.md"
         )
     candidates = [mirror for mirror in mirrors_of(base.model) if mirror.exchanges]
     if not candidates:
@@ -148,13 +149,15 @@ def _as_described(
     if behaviour is None or behaviour.symmetry is None:
         return candidates[0]
     names = behaviour.signal_names
+    # Signals are read from what is observed before it is flattened.
+    inner = env.env if isinstance(env, gymnasium.wrappers.FlattenObservation) else env
     read, complaint = reader_of_one(env, names, signals, "outside"), ""
     images = [behaviour.signal_image(name) for name in names]
     sources, signs = [names.index(image) for image, _ in images], np.array([sign for _, sign in images])
 
     def values(qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
         _place(env, qpos, qvel, np.zeros_like(_base(env).data.ctrl))
-        return np.asarray(read(env, _observed(env), {}, 0), float)
+        return np.asarray(read(env, _observed(inner), {}, 0), float)
 
     for mirror in candidates:
         try:

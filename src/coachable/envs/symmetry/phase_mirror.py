@@ -14,11 +14,12 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.symmetry.derived import RobotMirror
 from coachable.envs.symmetry.signed_permutation import SignedPermutation
+from coachable.rewards.forms.form import entry
 
 EXPECTED_PHASE = "expected_phase"
 """The attribute of an environment that says which phase is expected now."""
@@ -35,18 +36,24 @@ class PhaseMirror:
     """Whether each phase lies in the mirrored half; the last one is that of none."""
 
     @staticmethod
-    def of(robot: RobotMirror, behaviour: Behaviour, observed: tuple[str, ...] = ()) -> PhaseMirror:
+    def of(
+        robot: RobotMirror, behaviour: Behaviour, observed: tuple[str, ...] = (), place: int | None = None
+    ) -> PhaseMirror:
         """The mirror of a robot's policy.
 
-        **Arguments:** `observed`, the names of the numbers of the memory that stand behind the robot's own.
+        **Arguments:** `observed`, the names of the numbers of the memory; `place`, where among the robot's
+        own they begin, by default behind them.
         """
         names = behaviour.phase_names
         images = {name: names[image] for name, image in zip(names, behaviour.phase_images, strict=True)}
         memory = SignedPermutation(
             tuple(observed.index(_image(name, images)) for name in observed), (1,) * len(observed)
         )
+        own = robot.observation
         return PhaseMirror(
-            robot.observation.followed_by(memory), robot.action, (*behaviour.mirrored_phases, False)
+            own.around(memory, len(own.sources) if place is None else place),
+            robot.action,
+            (*behaviour.mirrored_phases, False),
         )
 
     def observed(self, observation: Float[Any, " numbers"], phase: int) -> Float[Any, " numbers"]:
@@ -56,6 +63,10 @@ class PhaseMirror:
     def done(self, action: Float[Any, " controls"], phase: int) -> Float[Any, " controls"]:
         """What is done when the policy says so while a phase is expected."""
         return self.action(action) if self.phases[phase] else action
+
+    def is_mirrored(self, phase: Int[Any, "*batch"]) -> Bool[Any, "*batch"]:
+        """Whether the policy is mirrored while phases are expected, in any array library."""
+        return entry(np.array(self.phases), phase)
 
     def to_data(self) -> dict[str, Any]:
         """The mirror in values that JSON has."""

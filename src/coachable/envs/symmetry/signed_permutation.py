@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from coachable.automata.classifier import array_library
+
 
 @dataclass(frozen=True)
 class SignedPermutation:
@@ -27,14 +29,24 @@ class SignedPermutation:
             raise ValueError(f"{self.signs} are not one sign, 1 or -1, for each of {len(self.sources)}")
 
     def __call__(self, x: Float[Any, "*batch numbers"]) -> Float[Any, "*batch numbers"]:
-        """The image, in the library and type of x."""
-        sources, signs = self._arrays
-        return x[..., sources] * signs.astype(x.dtype)
+        """The image, in the library and type of x: NumPy, JAX or another of the array API standard."""
+        (sources, signs), xp = self._arrays, array_library(x)
+        if xp is np:
+            return x[..., sources] * signs.astype(x.dtype)
+        return xp.take(x, xp.asarray(sources), axis=-1) * xp.asarray(signs, dtype=x.dtype)
 
     def followed_by(self, other: SignedPermutation) -> SignedPermutation:
         """The two side by side: a row of both."""
-        shifted = tuple(len(self.sources) + source for source in other.sources)
-        return SignedPermutation(self.sources + shifted, self.signs + other.signs)
+        return self.around(other, len(self.sources))
+
+    def around(self, other: SignedPermutation, place: int) -> SignedPermutation:
+        """That of a row in which another one stands in this one, before a place of it."""
+        size = len(other.sources)
+        ours = tuple(source if source < place else source + size for source in self.sources)
+        theirs = tuple(place + source for source in other.sources)
+        return SignedPermutation(
+            ours[:place] + theirs + ours[place:], self.signs[:place] + other.signs + self.signs[place:]
+        )
 
     @property
     def is_involution(self) -> bool:

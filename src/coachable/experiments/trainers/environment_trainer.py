@@ -43,6 +43,8 @@ class EnvironmentTrainer(Trainer):
             make = partial(experiment.problem.environment, setup)
             env = make()
             try:
+                if isinstance(experiment.problem, EnvironmentProblem) and isinstance(setup, DescribedSetup):
+                    experiment.problem.mirror(setup)
                 learner = self.learner(make, experiment.first_seed)
                 learner.policy().acting(experiment.deterministic[0])
                 learner.close()
