@@ -1,0 +1,114 @@
+"""What came out where robots were told to walk, run, hop, …: a table of runs, a row for each setup of each.
+
+    python -m bench.zoo runs/zoo/walker2d-walk runs/zoo/walker2d-run --out docs/results/zoo
+
+Of runs whose gaits were measured (`coachable gait RUN`). Needs nothing but the runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from coachable.analysis.gait_table import cell, over_seeds
+from coachable.analysis.intervals import estimate, mean
+from coachable.experiments.run_folder.reader import Run, open_run
+
+MEASURES = {
+    "cycles": ("whole cycles [1/s]", 1.0),
+    "follows": ("in the expected phase [%]", 100.0),
+    "alternation": ("alternation [%]", 100.0),
+    "step_asymmetry": ("asymmetry of steps [%]", 1.0),
+    "speed": ("speed [m/s]", 1.0),
+    "transport": ("cost of transport", 1.0),
+    "fell": ("episodes that fell [%]", 100.0),
+}
+"""What is shown of the gaits: a column, its name with the unit, and what it is multiplied with."""
+
+ONCE_A_SECOND = 1.0
+"""A seed goes round if it completes so many cycles a second, on average over its episodes [1/s]."""
+
+HEADER = (
+    "robot",
+    "told to",
+    "setup",
+    "up to the end",
+    "and round",
+    "gaits of the seeds",
+    *(title for title, _ in MEASURES.values()),
+    "first round and up after [k steps]",
+)
+
+NOTE = (
+    "Ten deterministic episodes a seed from starts that training never saw, by the policy after the "
+    "last update. Up to the end: seeds of which no episode fell. And round: of those, the ones that "
+    "complete a whole cycle of the description a second or more. First round and up: the first "
+    "evaluation in which a seed did both, a mean over the seeds that ever did. Means over seeds with 95 "
+    "% bootstrap intervals."
+)
+
+
+def rows(run: Run) -> list[tuple[str, ...]]:
+    """A row for each setup of a run."""
+    plan, gaits = run.experiment, run.columns("gaits")
+    found = []
+    for setup in plan.setups:
+        mine = [gaits["lane"] == run.lane(setup.name, seed).name for seed in plan.seeds]
+        up = [not gaits["fell"][each].any() for each in mine]
+        cycles = np.nan_to_num(gaits["cycles"].astype(float))
+        rounds = [one and cycles[each].mean() >= ONCE_A_SECOND for one, each in zip(up, mine, strict=True)]
+        words = Counter(Counter(gaits["gait"][each].tolist()).most_common(1)[0][0] for each in mine)
+        first = [steps for seed in plan.seeds if (steps := _first_round(run, setup.name, seed))]
+        found.append(
+            (
+                plan.problem.robot,
+                run.behaviour.name,
+                setup.name,
+                f"{sum(up)} of {len(mine)}",
+                f"{sum(rounds)} of {len(mine)}",
+                ", ".join(f"{count} {word}" for word, count in words.most_common()),
+                *(cell(over_seeds(run, gaits, setup.name, name), by) for name, (_, by) in MEASURES.items()),
+                f"{cell(estimate(mean, np.array(first, float)), 1e-3)}, {len(first)} seeds"
+                if first
+                else "never",
+            )
+        )
+    return found
+
+
+def markdown(found: Sequence[Sequence[str]]) -> str:
+    """The table, and what its columns mean."""
+    lines = [HEADER, ("---",) * len(HEADER), *found]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + f"\n\n{NOTE}\n"
+
+
+def _first_round(run: Run, setup: str, seed: int) -> int | None:
+    """Training steps of the first evaluation in which no episode fell and cycles came once a second."""
+    gaits, told = run.columns("gaits"), run.columns("evaluations")
+    dt, mine = float(gaits["dt"][0]), told["lane"] == run.lane(setup, seed).name
+    for step in np.unique(told["step"][mine]):
+        here = mine & (told["step"] == step)
+        seconds = told["length"][here].sum() * dt
+        if not told["fell"][here].any() and told["cycles"][here].sum() >= ONCE_A_SECOND * seconds:
+            return int(step)
+    return None
+
+
+def main() -> None:
+    """Write the table of the runs of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("runs", nargs="+", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    arguments = parser.parse_args()
+    text = markdown([row for path in arguments.runs for row in rows(open_run(path))])
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    (arguments.out / "zoo.md").write_text(text, encoding="utf-8")
+    print(text, end="")
+
+
+if __name__ == "__main__":
+    main()
