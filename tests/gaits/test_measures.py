@@ -8,7 +8,9 @@ import pytest
 
 from coachable.automata.trace import Trace
 from coachable.behaviours import Signal
-from coachable.gaits.measures import feet, gait, measures, touchdowns
+from coachable.gaits.classify import gait
+from coachable.gaits.footfalls import feet, touchdowns
+from coachable.gaits.measures import measures
 
 DT = 0.01
 
@@ -62,11 +64,12 @@ def test_the_clock_is_read_from_the_feet(duty, lag):
     found = measures(two(duty, duty, lag=lag))
     assert found["duty"] == pytest.approx(duty, abs=0.02)
     assert found["lag"] == pytest.approx(lag, abs=0.02)
-    assert found["alternation"] == 1.0
+    assert found["alternation"] == (0.0 if lag < 0.15 else 1.0), "together they make one landing"
     assert found["asymmetry"] == pytest.approx(0.0, abs=3.0)
     assert found["speed"] == pytest.approx(1.5)
     overlap = max(0.0, duty - min(lag, 1 - lag))
     assert found["flight"] == pytest.approx(1 - 2 * duty + overlap, abs=0.02)
+    assert found["overlap"] == pytest.approx(overlap, abs=0.02)
 
 
 def test_the_cost_of_transport_is_power_per_weight_and_speed():
@@ -98,6 +101,61 @@ def test_mirrored_feet_have_the_mirrored_lag_and_all_else_alike():
     assert first["lag"] + second["lag"] == pytest.approx(1.0, abs=0.03)
     for name in ("duty", "flight", "asymmetry", "alternation"):
         assert first[name] == pytest.approx(second[name], rel=0.05, abs=0.02)
+
+
+def ahead(walk, **foot_x):
+    """The walk with signals of how far its feet are ahead of the hip."""
+    values = {**walk.values, **{f"{name}_foot_x": x for name, x in foot_x.items()}}
+    return Trace(walk.time, tuple(map(Signal, values)), values)
+
+
+@pytest.mark.parametrize(("long", "short"), [(0.5, 0.5), (0.6, 0.4), (0.4, 0.6), (0.5, 0.0)])
+def test_steps_of_unequal_length_are_asymmetric_by_their_difference_over_the_mean(long, short):
+    """Landing, the left foot is `long` ahead of the right one, which is later `short` ahead of it."""
+    walk = two(0.3, 0.3)
+    left = walk.values["left_foot_contact"] > 0
+    x = np.where(left, long / 2, -short / 2)
+    found = measures(ahead(walk, left=x, right=-x))
+    assert found["step_asymmetry"] == pytest.approx(100 * abs(long - short) / ((long + short) / 2))
+    shifted = measures(ahead(walk, left=x + 0.2, right=-x + 0.2))
+    assert shifted["step_asymmetry"] == pytest.approx(found["step_asymmetry"]), "wherever the hip is"
+
+
+def test_steps_have_a_length_if_feet_land_in_turn_under_hips_side_by_side():
+    walk = two(0.3, 0.3)
+    x = np.zeros(len(walk.time))
+    assert math.isnan(measures(walk)["step_asymmetry"]), "nothing says where the feet are"
+    together = two(0.3, 0.3, lag=0.02)
+    assert math.isnan(measures(ahead(together, left=x, right=x + 0.01))["step_asymmetry"])
+    cheetah = clockwork({"back_": 0.3, "front_": 0.3})
+    assert math.isnan(measures(ahead(cheetah, back=x, front=x + 0.1))["step_asymmetry"])
+
+
+def test_one_foot_cannot_be_on_the_ground_with_another():
+    found = measures(clockwork({"": 0.4}))
+    assert math.isnan(found["overlap"])
+    assert found["duty"] + found["flight"] == pytest.approx(1)
+
+
+def test_the_lag_of_four_feet_is_that_of_a_fore_foot_after_the_hind_foot_of_its_side():
+    walk = clockwork(
+        {"back_left_": 0.6, "front_left_": 0.6, "back_right_": 0.6, "front_right_": 0.6}, lag=0.25
+    )
+    assert measures(walk)["lag"] == pytest.approx(0.25, abs=0.02)
+    assert gait(walk) == "walks"
+
+
+def test_standing_before_the_first_stride_and_after_the_last_is_no_part_of_it():
+    walk = two(0.3, 0.3)
+    time = np.arange(len(walk.time) + 800) * DT
+    padded = {name: np.pad(column, 400, mode="edge") for name, column in walk.values.items()}
+    stands = {name: np.ones(len(time)) for name in padded if name.endswith("foot_contact")}
+    for name, column in stands.items():
+        column[400:-400] = walk.values[name]
+    longer = replace(walk, time=time, values=padded | stands)
+    assert gait(longer) == "runs"
+    for name in ("duty", "flight", "overlap"):
+        assert measures(longer)[name] == pytest.approx(measures(walk)[name], abs=0.1)
 
 
 def test_who_goes_on_one_foot_and_then_the_other_makes_no_strides():

@@ -25,6 +25,9 @@ MEASURES = {
     "step_length": ("step length [m]", 1.0),
     "alternation": ("alternation [%]", 100.0),
     "asymmetry": ("asymmetry [%]", 1.0),
+    "step_asymmetry": ("asymmetry of steps [%]", 1.0),
+    "duty": ("duty factor [%]", 100.0),
+    "overlap": ("two feet down [%]", 100.0),
     "flight": ("flight [%]", 100.0),
     "transport": ("cost of transport", 1.0),
     "fell": ("fell [%]", 100.0),
@@ -35,10 +38,13 @@ NOTE = (
     "Deterministic episodes of one policy a seed; means over seeds of means over episodes, with 95 % "
     "bootstrap intervals over seeds. A seed's gait is that of most of its episodes, told by its footfalls. "
     "Follows: steps that the description pays +1. Whole cycles: all edges of one gone along, one after "
-    "another. Strides: of the busiest foot, an episode. Alternation: touchdowns by the other foot than the "
-    "last. Asymmetry: the feet's times on the ground, difference over mean. Cost of transport: work of the "
-    "motors, braking counted as driving, per weight and distance. A speed was reached after the steps of the "
-    "first evaluation that was so fast."
+    "another. Strides: of the busiest foot, an episode. Alternation: steps from a landing of one foot alone "
+    "to one of the other alone; feet that touch down within 0.15 of the time after which the footfalls "
+    "repeat land together. (In a table that does not say when two feet are down: touchdowns by the other "
+    "foot than the last.) Asymmetry: the feet's times on the ground, difference over mean; of steps: the "
+    "lengths of those onto one foot and onto the other, the same. Duty factor: a foot's share of the time on "
+    "the ground. Cost of transport: work of the motors, braking counted as driving, per weight and distance. "
+    "A speed was reached after the steps of the first evaluation that was so fast."
 )
 
 
@@ -89,8 +95,9 @@ LANE_HEADER = (
     "seconds",
 )
 LANE_NOTE = (
-    "Means over a seed's episodes. Lag: when in a stride of the first foot the second one touches down, a "
-    "circular mean; 0.5 if they alternate evenly. Seconds: how long an episode lasted."
+    "Means over a seed's episodes. Lag: when in a stride of the first foot the second one lands, a circular "
+    "mean; 0.5 if they alternate evenly; of four feet, a fore foot after the hind foot of its side. Seconds: "
+    "how long an episode lasted."
 )
 
 

@@ -1,6 +1,7 @@
 """Which gait it is: measures of recorded walks, by when the feet are on the ground."""
 
-from coachable.gaits.measures import feet, gait, touchdowns
+from coachable.gaits.classify import gait
+from coachable.gaits.footfalls import feet, touchdowns
 
 __all__ = [
     "feet",

@@ -1,36 +1,38 @@
-"""Which gait it is: measures of a recorded walk, by when its feet are on the ground."""
+"""Measures of a recorded walk: how fast it is, what it costs, and when its feet are on the ground."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from coachable.automata.trace import Trace
-
-CONTACT = "foot_contact"
-"""How the signals of feet on the ground end; what stands before it is the foot's name."""
-
-SHORTEST = 0.03
-"""Contacts and gaps that last less are noise of the contact, not steps [s]."""
+from coachable.gaits.footfalls import (
+    ENDS,
+    TOUCHDOWN,
+    alone,
+    circular_mean,
+    feet,
+    four_legs,
+    landings,
+    phases,
+    times_of,
+)
 
 SLOWEST = 0.1
 """Slower than this is standing [m/s]."""
 
-LEAST_LOADED = 0.1
-"""A foot that touches down in fewer than this share of the touchdowns does not walk."""
-
-
 POSITIONS = ("torso_x", "base_x")
 """The signals that may hold where the robot is; a walk has one of them."""
 
-TOUCHDOWN = "touchdown_time"
-"""The signal of when the last touchdown before a sample was, where that is known more exactly [s]."""
-
 STANCE = "stance_foot_x"
 """The signal of where the foot that stands is on the ground [m]."""
+
+FOOT_X = "foot_x"
+"""How the signals of where a foot is ahead of its hip end [m]."""
 
 _MEASURES: tuple[str, ...] = (
     "speed",
@@ -39,21 +41,13 @@ _MEASURES: tuple[str, ...] = (
     "step_time",
     "step_length",
     "duty",
+    "overlap",
     "flight",
     "alternation",
     "lag",
     "asymmetry",
+    "step_asymmetry",
 )
-
-
-def feet(walk: Trace) -> dict[str, Bool[np.ndarray, " samples"]]:
-    """When each foot is on the ground, by the feet's names, without contacts and gaps of under `SHORTEST`."""
-    least = round(SHORTEST / walk.dt)
-    names = [name for name in walk.values if name.endswith(CONTACT)]
-    return {
-        name.removesuffix(CONTACT).rstrip("_") or "foot": _steadied(walk.values[name] > 0.5, least)
-        for name in names
-    }
 
 
 def measures(walk: Trace) -> dict[str, float]:
@@ -63,17 +57,24 @@ def measures(walk: Trace) -> dict[str, float]:
     |---|---|
     | `speed` | forward, on average [m/s] |
     | `transport` | cost of transport: the motors' work, braking counted as driving, per weight and distance |
-    | `strides` | how many the busiest foot makes: from a touchdown to its next one |
-    | `step_time` | from a touchdown to the next one, on average [s] |
+    | `strides` | how many the busiest foot makes: from a landing to its next one |
+    | `step_time` | from a landing to the next one, on average [s] |
     | `step_length` | from where a foot stands to where the next one does, on average [m] |
-    | `duty` | share of the time that a foot is on the ground, on average over feet |
+    | `duty` | duty factor: share of the time that a foot is on the ground, on average over feet |
+    | `overlap` | share of the time with two feet or more on the ground |
     | `flight` | share of the time without a foot on the ground |
-    | `alternation` | of all touchdowns but the first, the share by another foot than the last |
-    | `lag` | when in a stride of the first foot the second touches down, 0 … 1; ½ if they alternate |
+    | `alternation` | of all steps, the share from a landing of one foot alone to one of the other alone |
+    | `lag` | when in a stride of the first foot the second lands, 0 … 1; ½ if they alternate |
     | `asymmetry` | of the feet's times on the ground, the difference over the mean [%] |
+    | `step_asymmetry` | of the lengths of steps onto one foot and onto the other, the same [%] |
 
-    The last three are those of two feet. `lag` is a circular mean, `asymmetry` the index of Robinson,
-    Herzog and Nigg (1987), without its sign; where it is recorded when feet touch down, of whole stances.
+    What is a landing says `landings`. Shares of the time are those of the busiest foot's whole strides, if it
+    makes any. The last four are those of two feet; `lag` is a circular mean, and of four feet that of a fore
+    foot after the hind foot of its side (Hildebrand, Science 150, 1965). `asymmetry` is the index of
+    Robinson, Herzog and Nigg (1987), without its sign; where it is recorded when feet touch down, of whole
+    stances. A step onto a foot is as long as that foot is ahead of the other one when it lands alone, by the
+    signals that end in `foot_x`; steps have a length if half of them or more alternate, and the feet hang
+    from hips side by side.
     """
     time, values = walk.time, walk.values
     found: dict[str, float] = dict.fromkeys(_MEASURES, math.nan)
@@ -85,87 +86,64 @@ def measures(walk: Trace) -> dict[str, float]:
         if {"power", "weight"} <= values.keys() and found["speed"] > SLOWEST:
             work = float(values["power"][1:] @ np.diff(time))
             found["transport"] = work / (float(values["weight"][0]) * distance)
-    contacts = feet(walk)
-    if contacts:
-        on_ground = np.stack([*contacts.values()])
-        found["duty"] = float(on_ground.mean())
-        found["flight"] = float(1 - on_ground.any(axis=0).mean())
-    landings = [touchdowns(contact) for contact in contacts.values()]
     moments = values.get(TOUCHDOWN, time)
-    if landings:
-        found["strides"] = max(0, max(map(len, landings)) - 1)
+    steps = np.zeros(0, int)
+    if contacts := feet(walk):
+        landed = landings(contacts)
+        steps = np.array([min(landing.values()) for landing in landed], int)
+        found |= _of_feet(walk, contacts, landed)
     elif TOUCHDOWN in values:
-        landings = [np.flatnonzero(np.diff(np.nan_to_num(moments, nan=-1.0))) + 1]
-    steps = np.sort(np.concatenate(landings)) if landings else np.zeros(0, int)
+        steps = np.flatnonzero(np.diff(np.nan_to_num(moments, nan=-1.0))) + 1
     if len(steps) > 1:
         found["step_time"] = float(np.diff(moments[steps]).mean())
         if STANCE in values:
             found["step_length"] = float(np.diff(values[STANCE][steps]).mean())
-    if len(contacts) == 2:
-        first, second = (moments[landing] for landing in landings)
-        found["alternation"] = _alternation(first, second)
-        found["lag"] = _lag(first, second)
-        stances = np.array([contact.mean() for contact in contacts.values()])
-        if TOUCHDOWN in values:
-            stances = _whole_stances(first, second)
-        if stances.any():
-            found["asymmetry"] = 100 * float(np.ptp(stances) / stances.mean())
     return found
 
 
-def gait(walk: Trace) -> str:
-    """The gait in a word: *stands*, *walks*, *runs*, *hops*, *hops on left*, *gallops*, *shuffles*, *moves*.
-
-    Of two feet that alternate, half a stride apart within 0.15, a duty factor of ½ or more makes a walk and
-    one below a run (Alexander, Physiological Reviews 1989); together within 0.15 of a stride they hop; in
-    between they gallop. A robot on one foot hops if it flies. Who goes without strides shuffles. Gaits of
-    more than two feet have other names; such a robot moves, and so does one whose feet are not known.
-    """
-    found = measures(walk)
-    if not abs(found["speed"]) > SLOWEST:
-        return "stands"
-    contacts = feet(walk)
-    if not contacts or len(contacts) > 2:
-        return "moves"
-    counts = {name: len(touchdowns(contact)) for name, contact in contacts.items()}
-    total = sum(counts.values())
-    if len(counts) != 2 or total < 2:
-        return "hops" if total > 1 and found["flight"] > 0 else "shuffles"
-    for name, count in counts.items():
-        if count < LEAST_LOADED * total:
-            other = next(one for one in counts if one != name)
-            return f"hops on {other}"
-    if math.isnan(found["lag"]):
-        return "shuffles"
-    apart = abs((found["lag"] + 0.5) % 1 - 0.5)
-    if apart > 0.35:
-        return "walks" if found["duty"] >= 0.5 else "runs"
-    return "hops" if apart < 0.15 else "gallops"
-
-
-def touchdowns(contact: Bool[np.ndarray, " samples"]) -> np.ndarray:
-    """The samples at which a foot comes to the ground."""
-    return np.flatnonzero(contact[1:] & ~contact[:-1]) + 1
-
-
-def _steadied(contact: Bool[np.ndarray, " samples"], least: int) -> Bool[np.ndarray, " samples"]:
-    """Without gaps of fewer than `least` samples, then without such contacts; not at the ends."""
-    steady = contact.copy()
-    for kind in (False, True):
-        edges = np.flatnonzero(np.diff(steady)) + 1
-        for start, stop in pairwise(edges):
-            if steady[start] == kind and stop - start < least:
-                steady[start:stop] = not kind
-    return steady
+def _of_feet(
+    walk: Trace, contacts: Mapping[str, Bool[np.ndarray, " samples"]], landed: list[dict[str, int]]
+) -> dict[str, float]:
+    """What is measured of when the feet are on the ground, and where they land."""
+    busiest = max(([one[foot] for one in landed if foot in one] for foot in contacts), key=len)
+    strides = slice(busiest[0], busiest[-1]) if len(busiest) > 1 else slice(None)
+    on_ground = np.stack([*contacts.values()])[:, strides]
+    found = {
+        "strides": float(max(0, len(busiest) - 1)),
+        "duty": float(on_ground.mean()),
+        "overlap": float((on_ground.sum(axis=0) > 1).mean()) if len(contacts) > 1 else math.nan,
+        "flight": float(1 - on_ground.any(axis=0).mean()),
+    }
+    landed_at = {foot: times_of(walk, foot, landed) for foot in contacts}
+    if legs := four_legs(contacts):
+        back, front = legs[:2], legs[2:]
+        lags = [phases(landed_at[hind], landed_at[fore]) for hind, fore in zip(back, front, strict=True)]
+        return found | {"lag": circular_mean(np.concatenate(lags))}
+    if len(contacts) != 2:
+        return found
+    first, second = landed_at.values()
+    order = alone(landed)
+    turns = [bool(one and other and one != other) for one, other in pairwise(order)]
+    alternation = float(np.mean(turns)) if turns else math.nan
+    lengths = _step_lengths(walk, tuple(contacts), landed) if alternation >= 0.5 else np.zeros(0)
+    stances = _whole_stances(first, second) if TOUCHDOWN in walk.values else on_ground.mean(axis=1)
+    return found | {
+        "alternation": alternation,
+        "lag": circular_mean(phases(first, second)),
+        "asymmetry": _difference(stances),
+        "step_asymmetry": _difference(lengths),
+    }
 
 
-def _alternation(first: np.ndarray, second: np.ndarray) -> float:
-    order = np.argsort(np.concatenate([first, second]), kind="stable")
-    by_first = np.concatenate([np.ones(len(first), bool), np.zeros(len(second), bool)])[order]
-    return float((by_first[1:] != by_first[:-1]).mean()) if len(by_first) > 1 else math.nan
+def _difference(both: Float[np.ndarray, " feet"]) -> float:
+    """The difference of two numbers over their mean [%], without its sign; NaN if there are none."""
+    mean = abs(float(both.mean())) if len(both) else 0.0
+    return 100 * float(np.ptp(both)) / mean if mean > 0 else math.nan
 
 
-def _whole_stances(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def _whole_stances(
+    first: Float[np.ndarray, " landings"], second: Float[np.ndarray, " others"]
+) -> Float[np.ndarray, " feet"]:
     """How long each of two feet stands on average, from its touchdown to the other's [s]."""
     moments = np.concatenate([first, second])
     order = np.argsort(moments, kind="stable")
@@ -175,14 +153,16 @@ def _whole_stances(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.array([stance.mean() for stance in both]) if all(map(len, both)) else np.zeros(0)
 
 
-def _lag(first: np.ndarray, second: np.ndarray) -> float:
-    """Circular mean over strides of the first foot that the second one touches down in."""
-    if len(first) < 2:
-        return math.nan
-    stride = np.searchsorted(first, second, side="right") - 1
-    inside = (stride >= 0) & (stride < len(first) - 1)
-    if not inside.any():
-        return math.nan
-    begins = first[stride[inside]]
-    phases = (second[inside] - begins) / (first[stride[inside] + 1] - begins)
-    return float(np.angle(np.exp(2j * np.pi * phases).mean()) / (2 * np.pi) % 1)
+def _step_lengths(
+    walk: Trace, names: tuple[str, ...], landed: list[dict[str, int]]
+) -> Float[np.ndarray, " feet"]:
+    """How long the steps onto each of two feet are on average [m]; none if that is not known of both."""
+    ahead = [walk.values.get(f"{name}_{FOOT_X}") for name in names]
+    if ahead[0] is None or ahead[1] is None or set(names) == ENDS:
+        return np.zeros(0)
+    apart = ahead[0] - ahead[1]
+    lengths = [
+        sign * apart[[one[name] for one in landed if one.keys() == {name}]]
+        for name, sign in zip(names, (1, -1), strict=True)
+    ]
+    return np.array([length.mean() for length in lengths]) if all(map(len, lengths)) else np.zeros(0)

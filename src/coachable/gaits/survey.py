@@ -22,7 +22,9 @@ from coachable.foundation.data import whole_number
 from coachable.foundation.errors import ParameterError
 from coachable.foundation.files import write_atomic
 from coachable.foundation.tables import table_bytes, table_of
-from coachable.gaits.measures import CONTACT, feet, gait, measures
+from coachable.gaits.classify import gait
+from coachable.gaits.footfalls import CONTACT, feet
+from coachable.gaits.measures import measures
 
 
 @dataclass(frozen=True, eq=False)

@@ -127,17 +127,20 @@ GAITS = _columns(
     ("step_time", pa.float32(), "s"),
     ("step_length", pa.float32(), "m"),
     ("duty", pa.float32(), ""),
+    ("overlap", pa.float32(), ""),
     ("flight", pa.float32(), ""),
     ("alternation", pa.float32(), ""),
     ("lag", pa.float32(), ""),
     ("asymmetry", pa.float32(), "%"),
-    added=("strides", "step_time", "step_length"),
+    ("step_asymmetry", pa.float32(), "%"),
+    added=("strides", "step_time", "step_length", "overlap", "step_asymmetry"),
 )
 """What `coachable gait` measures, one row an episode; see `gaits.measures`.
 
 `follows` is the share of steps that belong to the behaviour; `cycles` how many of its cycles are completed a
 second, NaN if it has none; `dt` the time between two steps; `environment` the return without the behaviour's
-part. Strides and steps are null in older tables, which lack them.
+part. Strides, steps, `overlap` and `step_asymmetry` are null in older tables, which lack them; where the last
+two are lacking, `alternation` counts every touchdown as a step, of feet that land together, too.
 """
 
 
