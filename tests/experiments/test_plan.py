@@ -276,17 +276,11 @@ def test_options_alone_are_a_plan():
     assert isinstance(experiment.trainer, EnvironmentPPO)
 
 
-SPREAD = {"form": "schedule", "skip_fine": 1.0, "fine_spread": True}
-
-
 def test_by_default_the_description_alone_pays_and_being_alive():
     """By the form `schedule`, seen, where the description has the limits that it needs."""
     (setup,) = load_plan(None, env="Walker2d-v5", behaviour="walk").setups
     alone = DescribedSetup(name="described", terms={"alive": 1.0})
-    assert setup == dataclasses.replace(alone, reward_variant=SPREAD, observe="memory")
-    assert parse_plan('[setups.a]\nreward_variant = "schedule"', "", env="A-v0", behaviour="walk").setups == (
-        DescribedSetup(name="a", reward_variant=SPREAD),
-    )
+    assert setup == dataclasses.replace(alone, reward_variant="schedule", observe="memory")
     assert load_plan(None, env="Walker2d-v5", behaviour="perry-gait").setups == (alone,)
     assert load_plan(None, env="Walker2d-v5", behaviour="walk", weight=2.0).setups == (
         dataclasses.replace(setup, weight=2.0),

@@ -229,15 +229,16 @@ def _resolved(
         raise PlanError(f"{sources}: {error}") from None
 
 
-def _with_fine(variant: Any, **spread: bool) -> Any:
-    """A reward form, where `schedule` charges in full for a phase that was passed over.
+def _with_fine(variant: Any) -> Any:
+    """A plant's reward form, where `schedule` charges in full for a phase that was passed over.
 
-    In a Gymnasium environment, where an episode may be worth ending, the fine is spread.
+    In a Gymnasium environment, where an episode may be worth ending, a large fine can teach just that, and
+    one that is spread is learned with more slowly.
     """
     table = {"form": variant} if isinstance(variant, str) else variant
     if not isinstance(table, Mapping) or table.get("form") != "schedule" or "skip_fine" in table:
         return variant
-    return {**table, "skip_fine": 1.0, **spread}
+    return {**table, "skip_fine": 1.0}
 
 
 def _described_setup(behaviour: Behaviour) -> DescribedSetup:
@@ -247,8 +248,7 @@ def _described_setup(behaviour: Behaviour) -> DescribedSetup:
     another phase than the expected one costs, so that it never pays to end the episode.
     """
     described = DescribedSetup(name="described", terms={"alive": 1.0})
-    form = _with_fine("schedule", fine_spread=True)
-    scheduled = dataclasses.replace(described, reward_variant=form, observe="memory")
+    scheduled = dataclasses.replace(described, reward_variant="schedule", observe="memory")
     return scheduled if has_expected_run(behaviour) else described
 
 
@@ -355,9 +355,8 @@ def _setup(kind: type[Setup], name: str, weights: Any, source: str) -> Setup:
         weights = dict(weights)
         weights["observe"] = "memory" if weights.pop("append_phase") else "nothing"
     given = structure_given(kind, weights, source, PlanError, key, without=("name",))
-    if given.get("reward_variant") is not None:
-        spread = {"fine_spread": True} if kind is DescribedSetup else {}
-        given["reward_variant"] = _with_fine(given["reward_variant"], **spread)
+    if kind is RewardSetup and given.get("reward_variant") is not None:
+        given["reward_variant"] = _with_fine(given["reward_variant"])
     try:
         if kind is RewardSetup and name in PAPER_SETUPS:
             return dataclasses.replace(PAPER_SETUPS[name], **given)
