@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import jax
@@ -51,7 +52,8 @@ class RunReward:
     """Follows one run whose signals come as plain floats, and pays it what `DescribedReward` would.
 
     Location and dwell times are worked out sample by sample. What a step pays depends on values that come
-    again and again, so `DescribedReward.pay` is called for each of their combinations once.
+    again and again, so `DescribedReward.pay` is called for each of their combinations once, whichever of the
+    runs that are paid alike comes to it first.
     """
 
     def __init__(self, reward: DescribedReward):
@@ -63,7 +65,10 @@ class RunReward:
         self._dwells = (*tracker.dwells, None) if tracker.has_dwells else ()
         self._flicker = tracker.flicker
         self._dt = reward.dt or 0.0
-        self._steps: dict[tuple, RunStep] = {}
+        try:
+            self._steps = _steps_of(reward)
+        except TypeError:  # a form of one's own may hold what cannot be hashed
+            self._steps = {}
         self._first = [self._begun_at(location) for location in range(len(reward.phase_names))]
         self._location = self._none_yet
         self._memory = self._first[-1].memory
@@ -144,6 +149,12 @@ class RunReward:
         expected = int(self._reward.bound_form.expected(memory[0], place))
         phase = self._reward.phase_names[location]
         return RunStep(_plain(memory), paid, phase, location, cycles, verdict, form, observed, expected)
+
+
+@lru_cache
+def _steps_of(reward: DescribedReward) -> dict[tuple, RunStep]:
+    """The steps of a reward that were computed in this process, by what they depend on."""
+    return {}
 
 
 def _plain(tree: Any) -> Any:
