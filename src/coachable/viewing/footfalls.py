@@ -16,6 +16,8 @@ WIDTH = 7.16
 """Both columns of a two-column page [in]."""
 _PANEL = 0.62
 """Height of a panel [in]."""
+_MOST = 5
+"""Walks side by side; more of a setup go into further rows, so that their titles have room."""
 
 
 @runtime_checkable
@@ -39,15 +41,20 @@ class Footfall(Protocol):
 
 
 def footfalls(rows: Mapping[str, Sequence[Footfall]], seconds: float = 2.0) -> Figure:
-    """The last seconds of walks, a row a setup: a bar where a foot is on the ground.
+    """The last seconds of walks, setup by setup: a bar where a foot is on the ground.
 
     After Hildebrand's gait diagrams (Science 1965). A walk that was over sooner fills less of its panel.
     """
-    columns = max(len(walks) for walks in rows.values())
+    parts = [
+        ("" if first else setup, walks[first : first + _MOST])
+        for setup, walks in rows.items()
+        for first in range(0, len(walks), _MOST)
+    ]
+    columns = max(len(walks) for _, walks in parts)
     with drawing():
-        figure = Figure(figsize=(WIDTH, len(rows) * _PANEL + 0.75), layout="constrained")
-        grid = figure.subplots(len(rows), columns, squeeze=False, sharex=True)
-        for row, (setup, walks) in enumerate(rows.items()):
+        figure = Figure(figsize=(WIDTH, len(parts) * _PANEL + 0.75), layout="constrained")
+        grid = figure.subplots(len(parts), columns, squeeze=False, sharex=True)
+        for row, (setup, walks) in enumerate(parts):
             for column, axes in enumerate(grid[row]):
                 if column >= len(walks):
                     axes.set_axis_off()
