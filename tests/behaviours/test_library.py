@@ -208,11 +208,15 @@ FOR = {
     ("name", "robot"), [(name, robot) for name, robots in FOR.items() for robot in robots]
 )
 def test_the_robots_of_a_behaviour_have_its_signals_in_its_units(name, robot):
-    """And what it says of them may be said of them: `schedule` can pay for it."""
     has = {signal.name: signal.unit for signal in SIGNAL_PACKS[robot].signals}
     behaviour = load_behaviour(name)
     assert {signal.name: has.get(signal.name) for signal in behaviour.signals} == {
         signal.name: signal.unit for signal in behaviour.signals
     }
+
+
+@pytest.mark.parametrize("name", FOR)
+def test_the_schedule_can_pay_for_them_and_a_check_finds_nothing_to_change(name):
+    behaviour = load_behaviour(name)
     assert has_expected_run(behaviour)
     assert check(behaviour).passes(strict=True)
