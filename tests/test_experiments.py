@@ -8,18 +8,31 @@ from pathlib import Path
 import pytest
 
 from coachable import cli
+from coachable.behaviours.library import SHIPPED
 from coachable.behaviours.text.document import formatted_file
 from coachable.experiments.plan import load_plan, trainer_settings
+from coachable.experiments.trainers.environment_ppo import EnvironmentPPO
 
 ROOT = Path(__file__).parents[1]
 EXPERIMENTS = ROOT / "experiments"
 BEYOND = EXPERIMENTS / "beyond-paper"
 PLANS = sorted(path for path in EXPERIMENTS.rglob("*.toml") if path.parent != BEYOND)
+ZOO = [path for path in PLANS if path.is_relative_to(EXPERIMENTS / "zoo")]
+OWN = [path for path in PLANS if path not in ZOO]
 GUIDE = (ROOT / "docs" / "debugging.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w+) ?(\S*)\n(.*?)^```$", GUIDE, re.DOTALL | re.MULTILINE)
 
 
-@pytest.mark.parametrize("path", PLANS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", ZOO, ids=lambda path: path.stem)
+def test_a_plan_of_the_zoo_has_a_behaviour_that_ships_and_the_defaults_of_our_ppo(path):
+    plan = load_plan(path)
+    assert plan.described_by in SHIPPED
+    assert plan.trainer == EnvironmentPPO()
+    if path.parent.name == "zoo":
+        assert plan.setups == load_plan(None, env=plan.problem.robot, behaviour=plan.described_by).setups
+
+
+@pytest.mark.parametrize("path", OWN, ids=lambda path: path.stem)
 def test_a_plan_is_one_with_the_shipped_settings_and_a_behaviour_beside_it(path):
     plan = load_plan(path)
     assert plan.trainer.settings == trainer_settings("ppo-mujoco")
@@ -43,7 +56,9 @@ def test_a_plan_can_be_trained(path):
 
 def test_no_seed_is_both_picked_on_and_reported():
     seeds = {path.stem: set(load_plan(path).seeds) for path in PLANS}
-    picked = set.union(*(seeds.pop(name) for name in ("first-try", "second-try", "weights", "cycles")))
+    picked = set.union(
+        *(seeds.pop(name) for name in ("first-try", "second-try", "weights", "cycles", "skip-fine"))
+    )
     assert picked.isdisjoint(set.union(*seeds.values()))
 
 
