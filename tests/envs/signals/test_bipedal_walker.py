@@ -202,5 +202,13 @@ def test_velocities_are_the_derivatives_of_what_they_say(walker):
 def test_every_signal_is_poked_above():
     legs = {f"{s}_{j}{v}" for s in LEGS for j in ("hip", "knee") for v in ("", "_velocity")}
     feet = {f"{side}_foot_{what}" for side in LEGS for what in ("x", "height", "contact")}
-    hull = {"torso_x", "torso_height", "forward_speed", "vertical_speed", "pitch", "pitch_velocity"}
+    hull = {
+        "torso_x",
+        "torso_height",
+        "forward_speed",
+        "vertical_speed",
+        "pitch",
+        "pitch_velocity",
+        "feet_down",
+    }
     assert legs | feet | hull == {signal.name for signal in signal_pack("BipedalWalker-v3").signals}
