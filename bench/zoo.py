@@ -8,26 +8,17 @@ Of runs whose gaits were measured (`coachable gait RUN`). Needs nothing but the 
 from __future__ import annotations
 
 import argparse
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from coachable.analysis.gait_table import cell, over_seeds
+from coachable.analysis.gait_table import MEASURES, cell, over_seeds, usual_gaits
 from coachable.analysis.intervals import estimate, mean
 from coachable.experiments.run_folder.reader import Run, open_run
 
-MEASURES = {
-    "cycles": ("whole cycles [1/s]", 1.0),
-    "follows": ("in the expected phase [%]", 100.0),
-    "alternation": ("alternation [%]", 100.0),
-    "step_asymmetry": ("asymmetry of steps [%]", 1.0),
-    "speed": ("speed [m/s]", 1.0),
-    "transport": ("cost of transport", 1.0),
-    "fell": ("episodes that fell [%]", 100.0),
-}
-"""What is shown of the gaits: a column, its name with the unit, and what it is multiplied with."""
+SHOWN = ("cycles", "follows", "alternation", "step_asymmetry", "speed", "transport", "fell")
+"""What is shown of the gaits, of `MEASURES`."""
 
 ONCE_A_SECOND = 1.0
 """A seed goes round if it completes so many cycles a second, on average over its episodes [1/s]."""
@@ -39,7 +30,7 @@ HEADER = (
     "up to the end",
     "and round",
     "gaits of the seeds",
-    *(title for title, _ in MEASURES.values()),
+    *(MEASURES[name][0] for name in SHOWN),
     "first round and up after [k steps]",
 )
 
@@ -61,7 +52,6 @@ def rows(run: Run) -> list[tuple[str, ...]]:
         up = [not gaits["fell"][each].any() for each in mine]
         cycles = np.nan_to_num(gaits["cycles"].astype(float))
         rounds = [one and cycles[each].mean() >= ONCE_A_SECOND for one, each in zip(up, mine, strict=True)]
-        words = Counter(Counter(gaits["gait"][each].tolist()).most_common(1)[0][0] for each in mine)
         first = [steps for seed in plan.seeds if (steps := _first_round(run, setup.name, seed))]
         found.append(
             (
@@ -70,8 +60,8 @@ def rows(run: Run) -> list[tuple[str, ...]]:
                 setup.name,
                 f"{sum(up)} of {len(mine)}",
                 f"{sum(rounds)} of {len(mine)}",
-                ", ".join(f"{count} {word}" for word, count in words.most_common()),
-                *(cell(over_seeds(run, gaits, setup.name, name), by) for name, (_, by) in MEASURES.items()),
+                usual_gaits(run, gaits, setup.name),
+                *(cell(over_seeds(run, gaits, setup.name, name), MEASURES[name][1]) for name in SHOWN),
                 f"{cell(estimate(mean, np.array(first, float)), 1e-3)}, {len(first)} seeds"
                 if first
                 else "never",
@@ -88,12 +78,15 @@ def markdown(found: Sequence[Sequence[str]]) -> str:
 
 def _first_round(run: Run, setup: str, seed: int) -> int | None:
     """Training steps of the first evaluation in which no episode fell and cycles came once a second."""
-    gaits, told = run.columns("gaits"), run.columns("evaluations")
-    dt, mine = float(gaits["dt"][0]), told["lane"] == run.lane(setup, seed).name
-    for step in np.unique(told["step"][mine]):
-        here = mine & (told["step"] == step)
-        seconds = told["length"][here].sum() * dt
-        if not told["fell"][here].any() and told["cycles"][here].sum() >= ONCE_A_SECOND * seconds:
+    gaits, evaluations = run.columns("gaits"), run.columns("evaluations")
+    dt, mine = float(gaits["dt"][0]), evaluations["lane"] == run.lane(setup, seed).name
+    for step in np.unique(evaluations["step"][mine]):
+        here = mine & (evaluations["step"] == step)
+        seconds = evaluations["length"][here].sum() * dt
+        if (
+            not evaluations["fell"][here].any()
+            and evaluations["cycles"][here].sum() >= ONCE_A_SECOND * seconds
+        ):
             return int(step)
     return None
 

@@ -70,7 +70,7 @@ def gait_sections(run: Run, speed: float = 1.0) -> tuple[Section, Section]:
     """The table of the gaits in `gaits.parquet` by setup, and that by seed; `speed` as in `print_gaits`."""
     gaits = run.columns("gaits")
     names = [setup.name for setup in run.experiment.setups]
-    table = [("gaits of the seeds", *(_gaits(run, gaits, name) for name in names))]
+    table = [("gaits of the seeds", *(usual_gaits(run, gaits, name) for name in names))]
     for measure, (title, factor) in MEASURES.items():
         if not np.isnan(gaits[measure].astype(float)).all():
             table.append((title, *(cell(over_seeds(run, gaits, name, measure), factor) for name in names)))
@@ -123,7 +123,7 @@ def _lane(gaits: dict[str, np.ndarray], lane: str) -> list[str]:
     return [lane, ", ".join(f"{count} {word}" for word, count in words), *cells]
 
 
-def _gaits(run: Run, gaits: dict[str, np.ndarray], setup: str) -> str:
+def usual_gaits(run: Run, gaits: dict[str, np.ndarray], setup: str) -> str:
     """How many seeds do what; a seed does what most of its episodes show, of several as many the first."""
     usual = Counter()
     for seed in run.experiment.seeds:

@@ -23,7 +23,7 @@ from coachable.rewards.controller_memory import ControllerMemory, Remembered
 class PolicyController:
     """A policy, run from sample to sample without an environment.
 
-        controller = co.PolicyController(run.policy("both", seed=0))
+        controller = co.PolicyController(run.policy("described", seed=0))
         action, memory = controller.begin(observation, signals)
         action, memory = controller.step(memory, observation, signals, elapsed=0.008)
 

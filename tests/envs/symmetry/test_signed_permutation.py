@@ -27,7 +27,7 @@ def test_a_mirror_undoes_itself():
 
 
 def test_two_side_by_side_are_one():
-    both = SWAP.followed_by(SignedPermutation((1, 0), (1, 1)))
+    both = SWAP.around(SignedPermutation((1, 0), (1, 1)), len(SWAP.sources))
     np.testing.assert_array_equal(both(np.arange(5.0)), [-1.0, -0.0, 2.0, 4.0, 3.0])
 
 

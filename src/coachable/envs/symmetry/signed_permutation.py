@@ -35,10 +35,6 @@ class SignedPermutation:
             return x[..., sources] * signs.astype(x.dtype)
         return xp.take(x, xp.asarray(sources), axis=-1) * xp.asarray(signs, dtype=x.dtype)
 
-    def followed_by(self, other: SignedPermutation) -> SignedPermutation:
-        """The two side by side: a row of both."""
-        return self.around(other, len(self.sources))
-
     def around(self, other: SignedPermutation, place: int) -> SignedPermutation:
         """That of a row in which another one stands in this one, before a place of it."""
         size = len(other.sources)
