@@ -49,7 +49,7 @@ def same_as_columns(behaviour, states, previous):
     return found
 
 
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(st.lists(predicates(OPERANDS), min_size=1, max_size=3), STATES, st.integers(0, 4))
 def test_any_predicates_are_decided_as_in_columns(recipes, states, previous):
     behaviour = of_phases(*map(built, recipes))

@@ -65,6 +65,7 @@ def test_it_finds_what_the_words_say(description, xs):
     assert all(violation.sentence for violation in violations)
 
 
+@settings(max_examples=50)
 @given(descriptions(), RUNS, st.data())
 def test_how_a_trace_is_cut_changes_nothing(description, xs, data):
     behaviour = behaviour_of(description)

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coachable.automata.classifier import Classifier
@@ -38,6 +38,7 @@ def flags(values, count):
     return [False] * count if values is None else values.tolist()
 
 
+@settings(max_examples=40)
 @given(descriptions(), st.lists(RUNS, min_size=1, max_size=3), st.sampled_from(["numpy", "jax", "torch"]))
 def test_runs_are_followed_as_the_words_say_in_every_library(description, runs, library):
     behaviour = behaviour_of(description)

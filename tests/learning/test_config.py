@@ -3,7 +3,7 @@
 import pytest
 
 from coachable.foundation.errors import PlanError
-from coachable.learning.config import PPOConfig
+from coachable.learning.config import EnvironmentPPOConfig, PPOConfig
 
 
 @pytest.mark.parametrize(
@@ -27,3 +27,9 @@ from coachable.learning.config import PPOConfig
 def test_a_senseless_value_is_refused_by_name(name, value):
     with pytest.raises(PlanError, match=rf"ppo\.{name}"):
         PPOConfig(**{name: value})
+
+
+@pytest.mark.parametrize("value", [-0.1, 1.1, True, float("nan")])
+def test_a_share_is_between_0_and_1(value):
+    with pytest.raises(PlanError, match=r"ppo\.anneal"):
+        EnvironmentPPOConfig(anneal=value)

@@ -10,7 +10,7 @@ import pytest
 from gymnasium.spaces import Box
 
 from coachable.foundation.errors import PlanError
-from coachable.learning import ppo
+from coachable.learning import environment_ppo, ppo
 from coachable.learning.config import EnvironmentPPOConfig, PPOConfig
 from coachable.learning.environment_ppo import LONGEST_REPLAY, Learner
 from coachable.learning.networks import initial_networks
@@ -288,3 +288,19 @@ def test_a_training_that_diverges_says_so():
 def test_settings_that_make_no_sense_are_refused(settings, message):
     with pytest.raises(PlanError, match=message):
         EnvironmentPPOConfig(**settings)
+
+
+@pytest.mark.parametrize(
+    ("anneal", "rates"),
+    [(0.0, [1, 1, 1, 1]), (0.5, [1, 1, 1, 0.5]), (1.0, [1, 0.75, 0.5, 0.25])],
+)
+def test_the_learning_rate_falls_over_the_last_steps(monkeypatch, anneal, rates):
+    improve, given = environment_ppo._improve, []
+
+    def noticed(config, state, gathered, scaling, rate):
+        given.append(rate)
+        return improve(config, state, gathered, scaling, rate)
+
+    monkeypatch.setattr(environment_ppo, "_improve", noticed)
+    trained(replace(PROBE, anneal=anneal), num_updates=4)
+    assert given == rates

@@ -62,7 +62,7 @@ class PPOConfig:
                 numbers = whole_number(value, f"ppo.{name}", PlanError, 1, most)
             object.__setattr__(self, name, numbers)
         for field in fields(self):
-            if field.name not in (*whole, "squashing", "normalize", "anneal"):
+            if field.name not in (*whole, "squashing", "normalize"):
                 number = real_number(getattr(self, field.name), f"ppo.{field.name}", PlanError)
                 object.__setattr__(self, field.name, number)
         for name in ("learning_rate", "clip_range", "max_grad_norm", "adam_epsilon"):
@@ -108,16 +108,16 @@ class EnvironmentPPOConfig(PPOConfig):
     normalize: bool = True
     """Whether observations are shifted and scaled by their running mean and standard deviation, and rewards
     scaled by that of the discounted return."""
-    anneal: bool = True
-    """Whether the learning rate falls along a line, to 0 at the end, as in the settings of PPO's authors for
-    MuJoCo: what a policy has learned does not come and go then."""
+    anneal: float = 0.4
+    """Over which share of the steps, the last ones, the learning rate falls along a line to 0: what a policy
+    has learned does not come and go then. 1 is the schedule of PPO's authors for MuJoCo, 0 is none."""
 
     _rollout = "n_steps × n_envs"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("normalize", "anneal"):
-            self._require(name, type(getattr(self, name)) is bool, "true or false")
+        self._require("normalize", type(self.normalize) is bool, "true or false")
+        self._require("anneal", 0 <= self.anneal <= 1, "between 0 and 1")
 
     @property
     def rollout_size(self) -> int:

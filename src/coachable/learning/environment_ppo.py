@@ -115,7 +115,8 @@ class Learner:
             self._begun = True
         while self.num_steps < num_steps:
             between()
-            self._update(1 - self.num_steps / num_steps if self._config.anneal else 1.0)
+            left, anneal = 1 - self.num_steps / num_steps, self._config.anneal
+            self._update(left / anneal if left < anneal else 1.0)
         between()
 
     def diagnostics(self) -> Mapping[str, float]:
