@@ -1,6 +1,7 @@
 """A plan survives being written, says what is wrong with it, and knows what its semantics imply."""
 
 import dataclasses
+import re
 from itertools import accumulate
 
 import numpy as np
@@ -9,7 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coachable.behaviours import load_behaviour
+from coachable.behaviours.text.parser import parse
 from coachable.behaviours.text.printer import to_text
+from coachable.cli.experiments import warn_of_paid_endings
 from coachable.envs.problem import EnvironmentProblem, PlantProblem
 from coachable.experiments.experiment import Experiment, differences
 from coachable.experiments.layout import batch_sizes
@@ -25,10 +28,11 @@ from coachable.experiments.trainers.environment_ppo import EnvironmentPPO
 from coachable.experiments.trainers.ppo import PPO
 from coachable.experiments.trainers.stable_baselines3 import StableBaselines3
 from coachable.foundation.errors import BehaviourError, ParameterError, PlanError
-from coachable.learning.config import PPOConfig
+from coachable.learning.config import EnvironmentPPOConfig, PPOConfig
 from coachable.plants.compass import CompassParameters, CompassWalker
 from coachable.rewards.forms import Schedule, Stay
 from coachable.rewards.setup import PAPER_SETUPS, TERM_NAMES, DescribedSetup, RewardSetup
+from tests.experiments.swing import SWING
 
 WALKING = load_behaviour("compass-walking")
 
@@ -505,3 +509,29 @@ def test_a_plants_schedule_charges_in_full_for_what_is_passed_over():
     setups = {"one": {"orthant": 0.1, "reward_variant": "schedule"}}
     plan = load_plan("demo", behaviour="compass-walking-timed", setups=setups)
     assert plan.problem.form_of(plan.reward_setups[0]) == Schedule(1.0)
+
+
+WEIGHTS = [
+    ({"weight": 1.0, "terms": {"alive": 1.0}}, 0.0),
+    ({"weight": 2.0, "terms": {"alive": 1.0}}, -1.0),
+    ({"weight": 0.5, "replace": True}, -0.5),
+    ({"weight": 1.0, "terms": {"alive": 1.0, "reward_ctrl": 1.0}}, None),
+    ({"weight": 1.0}, None),
+]
+
+
+@pytest.mark.parametrize(("paid", "least"), WEIGHTS)
+def test_a_setup_that_punishes_being_alive_is_named_before_it_is_trained(capsys, paid, least):
+    problem = EnvironmentProblem(env="Pendulum-v1", behaviour=parse(SWING), signals={"height": 0, "speed": 2})
+    setup = DescribedSetup(name="described", **paid)
+    assert problem.least_pay(setup) == least
+    trainer = EnvironmentPPO(EnvironmentPPOConfig())
+    warn_of_paid_endings(
+        Experiment(name="swing", problem=problem, setups=(setup,), trainer=trainer, described_by="swing")
+    )
+    said = capsys.readouterr().err
+    assert bool(said) == (least is not None and least < 0)
+    if said:
+        enough = float(re.search(r"alive = (\S+) }", said)[1])
+        mended = dataclasses.replace(setup, replace=False, terms={"alive": enough})
+        assert problem.least_pay(mended) == 0

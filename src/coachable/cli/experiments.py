@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
@@ -16,6 +17,9 @@ from coachable.cli.options import (
     say_imports,
 )
 from coachable.cli.results import show_table
+
+if TYPE_CHECKING:
+    from coachable.experiments.experiment import Experiment
 
 
 def train(
@@ -138,6 +142,7 @@ def train(
         seeds=seeds,
     )
     warn_of_errors(experiment.behaviour, experiment.described_by)
+    warn_of_paid_endings(experiment)
     folder = out or Path("runs") / experiment.name
     say_imports(trust, folder, known=modules_named(experiment.to_data()))
     run_experiment(
@@ -148,3 +153,24 @@ def train(
         allow_different_layout=allow_different_layout,
     )
     show_table(folder, folder)
+
+
+def warn_of_paid_endings(experiment: Experiment) -> None:
+    """Print on stderr which setups pay a step so little that ending the episode can pay more."""
+    from coachable.envs.own_reward import ALIVE
+    from coachable.envs.problem import EnvironmentProblem
+    from coachable.rewards.setup import DescribedSetup
+
+    problem = experiment.problem
+    for setup in experiment.setups:
+        if not isinstance(problem, EnvironmentProblem) or not isinstance(setup, DescribedSetup):
+            continue
+        least = problem.least_pay(setup)
+        if least is not None and least < 0:
+            instead = " in place of `replace`" if setup.replace else ""
+            enough = (0.0 if setup.replace else setup.terms[ALIVE]) - least
+            print(
+                f"coachable: {setup.name} can pay {least:g} for a step. Where falling ends an episode, that "
+                f"teaches to fall; `terms = {{ {ALIVE} = {enough:g} }}`{instead} lets no step cost anything.",
+                file=sys.stderr,
+            )

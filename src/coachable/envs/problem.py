@@ -15,7 +15,7 @@ import gymnasium
 from coachable.behaviours.behaviour import Behaviour
 from coachable.envs.behaviour_reward import BehaviourReward
 from coachable.envs.gymnasium_env import PlantEnv
-from coachable.envs.own_reward import OwnReward
+from coachable.envs.own_reward import ALIVE, OwnReward
 from coachable.envs.signals.reading import OnNaN
 from coachable.envs.signals.sources import SignalSources, signal_sources
 from coachable.envs.squashing import Squashing
@@ -317,6 +317,19 @@ class EnvironmentProblem(Problem):
     def signal_sources(self) -> SignalSources | None:
         """The sources of the signals that have one of their own."""
         return signal_sources(self.signals)
+
+    def least_pay(self, setup: DescribedSetup) -> float | None:
+        """What no step of a lane pays less than, but one that terminates; `None` where that is not known.
+
+        It is known where nothing of the environment's own reward is paid, and the form says its part.
+        """
+        if setup.weight < 0 or not (setup.replace or set(setup.terms) == {ALIVE}):
+            return None
+        with closing(self.environment(setup)) as env:
+            reward: DescribedReward = env.get_wrapper_attr("behaviour_reward")
+        least = reward.bound_form.least_pay
+        alive = 0.0 if setup.replace else setup.terms[ALIVE]
+        return None if least is None else alive + setup.weight * least
 
     def reward_hash(self, setup: DescribedSetup) -> str:
         """SHA-256 of what the setup pays."""

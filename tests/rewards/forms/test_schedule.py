@@ -100,10 +100,12 @@ def test_it_pays_by_its_definition(limits, edges, walk, fine, spread):
     oracle = Oracle(limits, edges, fine, spread)
     oracle.sample(walk[0], begin=True)
     names = [*NAMES, None]
+    least = Schedule(fine, fine_spread=spread).bind(rooms(limits, edges), 1.0).least_pay
     for (pay, info), room in zip(paid(rooms(limits, edges), walk, fine, spread), walk[1:], strict=True):
         expected, phase = oracle.sample(room)
         assert names[int(info.form["expected"])] == phase
         assert pay == pytest.approx(expected)
+        assert pay >= least - 1e-9
         assert bool(info.follows) == (room == phase)
 
 

@@ -123,6 +123,11 @@ class BoundForm(abc.ABC):
     def pay(self, memory: tuple, step: Step) -> tuple[tuple, Payment]:
         """The memory after a step, and what the step pays."""
 
+    @property
+    def least_pay(self) -> float | None:
+        """What no step pays less than; by default `None`, which says nothing."""
+        return None
+
     def expected(self, memory: tuple, location: Int[Any, "*batch"]) -> Int[Any, "*batch"]:
         """The phase that a run should be in, or K if none; by default the one that it is in."""
         return location

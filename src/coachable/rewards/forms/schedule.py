@@ -168,6 +168,16 @@ class BoundSchedule(BoundForm):
         terms = {"phases": where(in_step, zero + 1, zero - 1), "passed_over": zero - fine}
         return after, Payment(terms, in_step, {"expected": expected, "expected_time": time})
 
+    @property
+    def least_pay(self) -> float:
+        """−1, or where a fine is charged at once what passing over the longest phase costs, if that is more.
+
+        Who passes a phase over is in step afterwards, which pays 1, and one step of it was waited for.
+        """
+        passed_over = max([limit for limit in self.durations if math.isfinite(limit)], default=self.dt)
+        at_once = 0.0 if self.form.fine_spread else self.form.skip_fine * (passed_over / self.dt - 1)
+        return min(-1.0, 1.0 - at_once)
+
     def expected(self, memory: tuple, location: Int[Any, "*batch"]) -> Int[Any, "*batch"]:
         """Where the expected run is."""
         return memory[0]

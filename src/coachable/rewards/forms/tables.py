@@ -149,6 +149,11 @@ class BoundTable(BoundForm):
             return paid
         return array_library(paid).where(move.too_short | move.too_long, -1, paid)
 
+    @property
+    def least_pay(self) -> float:
+        """−1."""
+        return -1.0
+
     def pay(self, memory: tuple, step: Step) -> tuple[tuple, Payment]:
         """±1, as the term `phases`."""
         paid = self.r_or(step.move)
