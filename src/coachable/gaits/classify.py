@@ -24,6 +24,9 @@ from coachable.gaits.measures import SLOWEST, measures
 HALF = 0.35
 """Feet that touch down at least this share of a stride apart take turns, half a stride apart."""
 
+LEAST_FLIGHT = 0.1
+"""Who is off the ground for at most this share of the time, and goes nowhere, stands."""
+
 LEAST_LOADED = 0.1
 """A foot that touches down in fewer than this share of the touchdowns does not walk."""
 
@@ -40,7 +43,8 @@ PAIRED = 0.125
 def gait(walk: Trace) -> str:
     """The gait in a word, that of a robot with one, two or four feet.
 
-    - Slower than `SLOWEST` it *stands*; without strides it *shuffles*.
+    - Slower than `SLOWEST` it *stands*, unless it is off the ground for more than `LEAST_FLIGHT`, as who hops
+      on the spot; without strides it *shuffles*.
     - On one foot it *hops* if it leaves the ground; on two, of which one hardly lands, it *hops on left*.
     - Two feet that take turns half a stride apart make a *walk* if the duty factor is ½ or more, and a *run*
       if it is less (Alexander, Physiological Reviews 69, 1989); closer than that, with one that leads, a
@@ -56,7 +60,7 @@ def gait(walk: Trace) -> str:
     Whose feet are not known, or more, or otherwise named or moved, *moves*.
     """
     found = measures(walk)
-    if not abs(found["speed"]) > SLOWEST:
+    if not abs(found["speed"]) > SLOWEST and not found["flight"] > LEAST_FLIGHT:
         return "stands"
     contacts = feet(walk)
     names = tuple(contacts)
