@@ -58,7 +58,7 @@ def pytest_configure(config):
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
 
-# Half of what is usual, the same ones every time; `make test ARGS='--hypothesis-profile=thorough'` takes more.
+# Half of what is usual, and always the same; `make test ARGS='--hypothesis-profile=thorough'` takes more.
 hypothesis.settings.register_profile("coachable", deadline=None, derandomize=True, max_examples=50)
 hypothesis.settings.register_profile("thorough", deadline=None, max_examples=500)
 hypothesis.settings.load_profile("coachable")
