@@ -323,7 +323,7 @@ class EnvironmentProblem(Problem):
 
         It is known where nothing of the environment's own reward is paid, and the form says its part.
         """
-        if setup.weight < 0 or not (setup.replace or set(setup.terms) == {ALIVE}):
+        if min(setup.weight, setup.cycle_bonus) < 0 or not (setup.replace or set(setup.terms) == {ALIVE}):
             return None
         with closing(self.environment(setup)) as env:
             reward: DescribedReward = env.get_wrapper_attr("behaviour_reward")
