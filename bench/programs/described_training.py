@@ -2,90 +2,80 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
 import mujoco as _mujoco
 
-from coachable.behaviours.text.parser import parse
-from coachable.envs.problem import EnvironmentProblem
+from coachable.envs.episode_log import EndedEpisodes, EpisodeLog
+from coachable.envs.side_by_side.copies import Copies
 from coachable.experiments.assessment import assessment
 from coachable.experiments.experiment import Experiment, Lane
+from coachable.experiments.plan import load_plan
 from coachable.experiments.runner import set_up_jax
 from coachable.experiments.trainers.environment_ppo import EnvironmentPPO
-from coachable.experiments.trainers.process_lane import EpisodeLog, Episodes
 from coachable.experiments.trainers.stable_baselines3 import StableBaselines3
-from coachable.experiments.trainers.trainer import Trainer
-from coachable.learning.config import EnvironmentPPOConfig
-from coachable.rewards.setup import DescribedSetup
 
 mujoco: Any = _mujoco
 """Its bindings say nothing of what is in it."""
 
-SIGNALS = {
-    "Walker2d-v5": ("right_foot_contact", {}),
-    "Hopper-v5": ("foot_contact", {}),
-    "HalfCheetah-v5": ("back_foot_contact", {}),
-    "Ant-v5": ("hip_angle", {"hip_angle": 5}),
-    "Humanoid-v5": ("right_foot_contact", {}),
+BEHAVIOURS = {
+    "Walker2d-v5": "walk",
+    "Hopper-v5": "hop",
+    "HalfCheetah-v5": "bound",
+    "Ant-v5": "trot",
+    "Humanoid-v5": "walk",
 }
-"""What the description reads of each robot, and where it is found if not in the robot's pack."""
-
-STEPS = """
-behaviour "steps"
-
-signals
-  {signal}
-
-phases
-  down: {signal} > 0.5
-  up:   not {signal} > 0.5
-
-cycle
-  down -> up -> down
-"""
+"""What each robot is told; the rest is what `coachable train --env … --behaviour …` has by itself."""
 
 
-class _Recorded(gymnasium.Wrapper):
-    """Keeps what the simulator of an environment was told."""
+class _Recorded(Copies):
+    """Keeps what the simulators of the copies were told."""
 
-    def __init__(self, env: gymnasium.Env):
-        super().__init__(env)
-        self.told: list[Any] = []
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
-        """Begin an episode."""
-        found = self.env.reset(seed=seed, options=options)
-        self.keep_state()
+    def begin(self, index: int) -> Any:
+        """Another episode."""
+        found = super().begin(index)
+        self.keep_state(index)
         return found
 
-    def step(self, action: Any) -> Any:
+    def step(self, actions: Any) -> Any:
         """One step."""
-        self.told.append(action)
-        return self.env.step(action)
+        found = super().step(actions)
+        for told, env in zip(self.told, self.envs, strict=True):
+            told.append(_simulator(env).data.ctrl.copy())
+        return found
 
-    def keep_state(self) -> None:
-        """Keep where the simulator is."""
-        data = self.simulator.data
-        self.told.append((data.qpos.copy(), data.qvel.copy()))
+    def forget(self) -> None:
+        """Keep nothing but where the simulators are."""
+        self.told: list[list[Any]] = [[] for _ in self.envs]
+        for index in range(len(self.envs)):
+            self.keep_state(index)
 
-    @property
-    def simulator(self) -> Any:
-        """The environment with its model and data."""
-        return self.unwrapped
+    def keep_state(self, index: int) -> None:
+        """Keep where a simulator is."""
+        data = _simulator(self.envs[index]).data
+        self.told[index].append((data.qpos.copy(), data.qvel.copy()))
 
     def simulate(self) -> None:
-        """Tell the simulator once more, and nobody else."""
-        model, skip = self.simulator.model, self.simulator.frame_skip
-        data = mujoco.MjData(model)
-        for told in self.told:
-            if isinstance(told, tuple):
-                mujoco.mj_resetData(model, data)
-                data.qpos[:], data.qvel[:] = told
-                mujoco.mj_forward(model, data)
-            else:
-                data.ctrl[:] = told
-                mujoco.mj_step(model, data, skip)
+        """Tell simulators the same, and nobody else."""
+        for all_told, env in zip(self.told, self.envs, strict=True):
+            model, skip = _simulator(env).model, _simulator(env).frame_skip
+            data = mujoco.MjData(model)
+            for told in all_told:
+                if isinstance(told, tuple):
+                    mujoco.mj_resetData(model, data)
+                    data.qpos[:], data.qvel[:] = told
+                    mujoco.mj_forward(model, data)
+                else:
+                    data.ctrl[:] = told
+                    mujoco.mj_step(model, data, skip)
+
+
+def _simulator(env: gymnasium.Env) -> Any:
+    """The environment with its model and data."""
+    return env.unwrapped
 
 
 def prepare(env: str, num_updates: int):
@@ -94,60 +84,43 @@ def prepare(env: str, num_updates: int):
     Both learners have the same settings. `mj_step` is told what the simulators of ours were told.
     """
     set_up_jax()
-    signal, sources = SIGNALS[env]
-    problem = EnvironmentProblem(behaviour=parse(STEPS.format(signal=signal)), env=env, signals=sources)
-    ours = EnvironmentPPOConfig()
-    theirs = {
-        name: getattr(ours, name) for name in ("n_steps", "n_envs", "batch_size", "n_epochs", "normalize")
+    ours = load_plan(None, env=env, behaviour=BEHAVIOURS[env])
+    assert isinstance(ours.trainer, EnvironmentPPO)
+    config = ours.trainer.config
+    same = {
+        name: getattr(config, name) for name in ("n_steps", "n_envs", "batch_size", "n_epochs", "normalize")
     }
-    recorded: list[_Recorded] = []
-
-    def recording(env: gymnasium.Env) -> gymnasium.Env:
-        recorded.append(_Recorded(env))
-        return recorded[-1]
-
-    our_training = _training(problem, EnvironmentPPO(ours), recording)
-    their_training = _training(problem, StableBaselines3("sb3-ppo", theirs), lambda env: env)
+    theirs = replace(ours, trainer=StableBaselines3("sb3-ppo", same))
+    our_learner, our_training = _training(ours)
+    _, their_training = _training(theirs)
+    copies = our_learner._copies
+    copies.__class__ = _Recorded
 
     def train() -> None:
-        for each in recorded:
-            each.told.clear()
-            if each.simulator.data.time:
-                each.keep_state()
+        copies.forget()
         our_training(num_updates)
-
-    def simulate() -> None:
-        for each in recorded:
-            each.simulate()
 
     return {
         "coachable": train,
         "stable-baselines3": lambda: their_training(num_updates),
-        "mj_step": simulate,
-    }, num_updates * ours.rollout_size
+        "mj_step": copies.simulate,
+    }, num_updates * config.rollout_size
 
 
-def _training(problem: EnvironmentProblem, trainer: Trainer, around: Any) -> Any:
-    """A lane of a trainer of environments, as its process runs it."""
-    setup, episodes = DescribedSetup(name="both"), Episodes()
-    experiment = Experiment(
-        name="bench",
-        problem=problem,
-        setups=(setup,),
-        trainer=trainer,
-        described_by="steps",
-    )
+def _training(experiment: Experiment) -> tuple[Any, Callable[[int], None]]:
+    """A lane of a trainer of environments, as its process runs it: its learner, and what makes updates."""
+    (setup,), ended = experiment.setups, EndedEpisodes()
     measure = assessment(experiment, Lane(setup.name, 0))
 
     def make() -> gymnasium.Env:
-        env = problem.training_environment(setup, experiment.evaluate_every)
-        return EpisodeLog(around(env), episodes, measure.sums_of, measure.fell_key)
+        env = experiment.problem.training_environment(setup, experiment.evaluate_every)
+        return EpisodeLog(env, ended, measure.sums_of, measure.fell_key)
 
-    assert isinstance(trainer, EnvironmentPPO | StableBaselines3)
-    learner = trainer.learner(make, 0)
+    assert isinstance(experiment.trainer, EnvironmentPPO | StableBaselines3)
+    learner = experiment.trainer.learner(make, 0)
 
     def train(num_updates: int) -> None:
         learner.learn(learner.num_steps + num_updates * learner.steps_an_update, lambda: None)
         measure.evaluate(learner.policy())
 
-    return train
+    return learner, train

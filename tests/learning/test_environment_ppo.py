@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box
 
+from coachable.envs.side_by_side.copies import LONGEST_REPLAY
 from coachable.foundation.errors import PlanError
 from coachable.learning import environment_ppo, ppo
 from coachable.learning.config import EnvironmentPPOConfig, PPOConfig
-from coachable.learning.environment_ppo import LONGEST_REPLAY, Learner
+from coachable.learning.environment_ppo import Learner
 from coachable.learning.networks import initial_networks
 
 PROBE = EnvironmentPPOConfig(

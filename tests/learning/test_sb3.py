@@ -10,8 +10,9 @@ import pytest
 
 pytest.importorskip("stable_baselines3", reason="needs the [sb3] extra: pip install 'coachable[sb3]'")
 
+from coachable.envs.episode_log import EpisodeLog
 from coachable.experiments.run_folder.schemas import DIAGNOSTICS
-from coachable.experiments.trainers.process_lane import EpisodeLog, Episodes
+from coachable.experiments.trainers.process_lane import Episodes
 from coachable.experiments.trainers.stable_baselines3 import StableBaselines3
 from coachable.foundation.errors import PlanError
 from coachable.learning.ppo import Diagnostics
@@ -262,12 +263,12 @@ def test_the_diagnostics_are_those_that_the_algorithm_logs():
 
 def test_an_episode_is_logged_with_the_update_after_its_rollout():
     episodes = Episodes()
-    env = EpisodeLog(Aim(), episodes, lambda info: {})
+    env = EpisodeLog(Aim(), episodes.ended, lambda info: {})
     lane = Learner("sb3-ppo", lambda: env, SMALL["sb3-ppo"], seed=1)
     updates = []
 
     def between():
-        if episodes.ended:
+        if episodes.ended.rows:
             updates.append(lane.diagnostics())
             episodes.log_ended(updates[-1])
 

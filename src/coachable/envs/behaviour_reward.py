@@ -6,13 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import RecordConstructorArgs
+from jaxtyping import Float
 
 from coachable.behaviours.behaviour import Behaviour
 from coachable.behaviours.library import load_behaviour
 from coachable.envs.observed_memory import MemoryObserver, Observe
-from coachable.envs.signals.reading import OnNaN, Signals, after, reader_of_one, require_info, reward_number
+from coachable.envs.signals.reading import OnNaN, Signals, reader_of_one, require_info, reward_number
 from coachable.envs.signals.time_step import one_step_counted, time_step
 from coachable.foundation.data import real_number
 from coachable.foundation.errors import ParameterError
@@ -111,6 +113,16 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         """The phase that the form expects now: that of its expected run, or the one that the robot is in."""
 
     @property
+    def is_tried(self) -> bool:
+        """Whether a step was seen to last as long as it is said to, or nothing depends on that."""
+        return self._untried_dt is None
+
+    @property
+    def observer(self) -> MemoryObserver | None:
+        """What puts the memory's numbers into observations."""
+        return self._observer
+
+    @property
     def memory_place(self) -> int | None:
         """Where in the flattened observation the memory's numbers begin; `None` if at the end, or nowhere."""
         return None if self._observer is None else self._observer.place
@@ -121,7 +133,7 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
         """Begin an episode; nothing is remembered of the last one."""
         self._steps = None
         observation, info = self.env.reset(seed=seed, options=options)
-        require_info(info, self.env, after(0))
+        require_info(info, self.env, 0)
         begun = self._run.begin(self._read(self.env, observation, info, 0))
         self._steps, self.expected_phase = 0, begun.expected
         if self._observer is not None:
@@ -138,16 +150,26 @@ class BehaviourReward(gymnasium.Wrapper, RecordConstructorArgs):
             with one_step_counted(self.env, self._untried_dt):
                 observation, base, terminated, truncated, info = self.env.step(action)
             self._untried_dt = None
-        self._steps += 1
-        require_info(info, self.env, after(self._steps))
-        base = reward_number(base, self.env, after(self._steps))
+        reward, seen, info = self.paid(observation, base, terminated, info)
+        if self._observer is not None:
+            observation = self._observer.append(observation, seen)
+        return observation, reward, terminated, truncated, info
+
+    def paid(
+        self, observation: Any, base: Any, terminated: Any, info: dict[str, Any]
+    ) -> tuple[float, Float[np.ndarray, " numbers"], dict[str, Any]]:
+        """What a step of the environment is paid, the numbers of the memory after it, and its info.
+
+        **Arguments:** what the environment says of its step, which is the next one of the episode.
+        """
+        self._steps = (self._steps or 0) + 1
+        require_info(info, self.env, self._steps)
+        base = reward_number(base, self.env, self._steps)
         step = self._run.step(self._read(self.env, observation, info, self._steps), bool(terminated))
         self.expected_phase = step.expected
         ours = self.weight * step.paid
         reward = ours if self.replace else base + ours
-        if self._observer is not None:
-            observation = self._observer.append(observation, step.observed)
-        return observation, reward, terminated, truncated, self._info(info, step, base, ours)
+        return reward, step.observed, self._info(info, step, base, ours)
 
     def _info(self, info: dict[str, Any], step: RunStep, base: float, ours: float) -> dict[str, Any]:
         """The environment's info with the behaviour's."""

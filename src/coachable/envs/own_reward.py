@@ -42,38 +42,49 @@ class OwnReward(gymnasium.Wrapper):
             observation, info = self.env.reset(seed=seed, options=options)
         except Exception as error:
             raise self._failed("reset", error) from error
-        require_info(info, self.env, after(0))
+        require_info(info, self.env, 0)
         self._require_numbers(observation)
         return observation, info
 
     def step(self, action: Any) -> Any:
         """One step; its info has the environment's own reward under `OWN`."""
-        self._steps += 1
         try:
             observation, reward, terminated, truncated, info = self.env.step(action)
         except Exception as error:
-            raise self._failed(f"step {self._steps}", error) from error
-        require_info(info, self.env, after(self._steps))
+            raise self._failed(f"step {self._steps + 1}", error) from error
+        reward, info = self.paid(observation, reward, terminated, info)
+        return observation, reward, terminated, truncated, info
+
+    def paid(
+        self, observation: Any, reward: Any, terminated: bool, info: dict[str, Any]
+    ) -> tuple[float, dict[str, Any]]:
+        """What a step of the environment is paid, and its info.
+
+        **Arguments:** what the environment says of its step, which is the next one of the episode.
+        """
+        self._steps += 1
+        require_info(info, self.env, self._steps)
         self._require_numbers(observation)
-        reward = own = reward_number(reward, self.env, after(self._steps))
+        reward = own = reward_number(reward, self.env, self._steps)
         if self._terms:
-            found = {ALIVE: float(not terminated), **info}
-            if missing := [name for name in self._terms if name not in found]:
-                raise ParameterError(
-                    f"the environment's info has no term {missing[0]!r}; there are {ALIVE!r} and {[*info]}"
-                )
-            reward = sum(
-                weight * reward_number(found[name], self.env, after(self._steps), name)
-                for name, weight in self._terms.items()
-            )
-        return observation, reward, terminated, truncated, {**info, OWN: own}
+            reward = sum(weight * self._term(name, terminated, info) for name, weight in self._terms.items())
+        return reward, {**info, OWN: own}
+
+    def _term(self, name: str, terminated: bool, info: Mapping[str, Any]) -> float:
+        if name in info:
+            return reward_number(info[name], self.env, self._steps, name)
+        if name == ALIVE:
+            return float(not terminated)
+        raise ParameterError(
+            f"the environment's info has no term {name!r}; there are {ALIVE!r} and {[*info]}"
+        )
 
     def _require_numbers(self, observation: Any) -> None:
-        if (
-            isinstance(observation, np.ndarray)
-            and observation.dtype.kind == "f"
-            and np.isnan(observation).any()
-        ):
+        if not isinstance(observation, np.ndarray) or observation.dtype.kind != "f":
+            return
+        # A sum of squares is NaN just where one of them is, and quicker to have for a row of numbers.
+        is_row = observation.ndim == 1
+        if np.isnan(observation.dot(observation)) if is_row else np.isnan(observation).any():
             raise SignalError(
                 f"the observation of {environment_name(self.env)} has NaN {after(self._steps)}: {observation}"
             )

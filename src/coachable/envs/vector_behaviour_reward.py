@@ -99,7 +99,7 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
             if self._memory is None and not chosen.all():
                 raise ResetNeeded("some environments have never been reset; reset them all first")
         observations, infos = self.env.reset(seed=seed, options=options)  # pyright: ignore[reportArgumentType]
-        require_info(infos, self.env, after(0))
+        require_info(infos, self.env, 0)
         self._steps = 0
         self._begin(chosen, self._signals(observations, infos, "after the reset", chosen))
         self._ended &= ~chosen
@@ -117,8 +117,8 @@ class VectorBehaviourReward(gymnasium.vector.VectorWrapper):
                 observations, base, terminated, truncated, infos = self.env.step(actions)
             self._untried_dt = None
         self._steps += 1
-        require_info(infos, self.env, after(self._steps))
-        base = reward_numbers(base, self.env, after(self._steps))
+        require_info(infos, self.env, self._steps)
+        base = reward_numbers(base, self.env, self._steps)
         everyone, ended = np.ones(self.num_envs, bool), np.asarray(terminated | truncated)
         begun_in_the_step = ended & (self.autoreset_mode is AutoresetMode.SAME_STEP)
         last_observations, last_infos = observations, infos

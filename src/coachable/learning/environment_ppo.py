@@ -18,20 +18,19 @@ import numpy as np
 from gymnasium.wrappers.utils import RunningMeanStd
 from jaxtyping import Array, Bool, Float
 
+from coachable.envs.side_by_side.copies import Copies
 from coachable.envs.squashing import SQUASHINGS
 from coachable.foundation.errors import PlanError
 from coachable.foundation.trees import arrays_of, tree_from
 from coachable.learning import ppo
 from coachable.learning.config import EnvironmentPPOConfig
-from coachable.learning.networks import ActorCritic, initial_networks
+from coachable.learning.networks import initial_networks
 from coachable.learning.policy import Policy
 
 BOUND = 10.0
 """Scaled observations and rewards are cut to ± this, as in stable-baselines3's `VecNormalize`."""
 LEAST_VARIANCE = 1e-8
 """Added to a variance before anything is divided by its root."""
-LONGEST_REPLAY = 10_000
-"""An interrupted episode that is longer is begun anew, not replayed."""
 
 MakeEnv = Callable[[], gymnasium.Env]
 
@@ -76,10 +75,10 @@ class Learner:
     """
 
     def __init__(self, make_env: MakeEnv, config: EnvironmentPPOConfig, seed: int):
-        first = make_env()
+        self._copies = Copies(make_env, [(seed, number) for number in range(config.n_envs)])
+        first = self._copies.envs[0]
         num_observations, num_actions = _sizes(first)
         box: Any = first.action_space
-        envs = [first, *(make_env() for _ in range(config.n_envs - 1))]
         key, network_key = jax.random.split(jax.random.key(seed))
         networks = initial_networks(network_key, num_observations, num_actions, config.hidden_sizes)
         self._config = config
@@ -89,7 +88,6 @@ class Learner:
         self._of_returns = RunningMeanStd()
         self._returns = np.zeros(config.n_envs)
         """Discounted return so far of every episode under way."""
-        self._copies = [_Copy(env, (seed, number)) for number, env in enumerate(envs)]
         self._observations = np.zeros((config.n_envs, num_observations), np.float32)
         self._diagnostics: dict[str, float] = {}
         self._begun = False
@@ -110,8 +108,8 @@ class Learner:
         `between` is called whenever an update is over and the next rollout has not begun, and at the end.
         """
         if not self._begun:
-            for index, copy in enumerate(self._copies):
-                self._observations[index] = copy.begin()
+            for index in range(self._config.n_envs):
+                self._observations[index] = self._copies.begin(index)
             self._begun = True
         while self.num_steps < num_steps:
             between()
@@ -140,8 +138,7 @@ class Learner:
 
     def close(self) -> None:
         """Close its environments."""
-        for copy in self._copies:
-            copy.env.close()
+        self._copies.close()
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All that has to be kept for going on to the bit: networks, optimiser, moments, episodes."""
@@ -152,8 +149,7 @@ class Learner:
                 f"{name}_{each}": np.asarray(getattr(moments, each)) for each in ("mean", "var", "count")
             }
         found |= {"returns": self._returns, "begun": np.array(self._begun), "seen": self._observations}
-        for index, copy in enumerate(self._copies):
-            found |= {f"copy_{index}.{name}": array for name, array in copy.arrays().items()}
+        found |= self._copies.arrays()
         return {name: np.array(array) for name, array in found.items()}
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
@@ -172,12 +168,10 @@ class Learner:
         self._returns, self._begun = arrays["returns"].copy(), bool(arrays["begun"])
         if not self._begun:
             return
-        for index, copy in enumerate(self._copies):
-            prefix, seen = f"copy_{index}.", arrays["seen"][index]
-            kept = {name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)}
-            observation = copy.replay(kept)
+        for index, seen in enumerate(arrays["seen"]):
+            observation = self._copies.replay(index, arrays)
             if observation is None or not np.array_equal(np.asarray(observation, np.float32), seen):
-                observation = copy.begin()
+                observation = self._copies.begin(index)
                 self._returns[index] = 0.0
             self._observations[index] = observation
 
@@ -200,22 +194,22 @@ class Learner:
         self._diagnostics = {name: float(value) for name, value in vars(jax.device_get(diagnostics)).items()}
 
     def _gather(self, noise: Float[np.ndarray, "steps envs actions"], scaling: Scaling) -> Gathered:
-        """A step of one environment after the other, again and again."""
+        """A step of all environments, again and again."""
         num_steps, num_envs, _ = noise.shape
-        each, networks = (num_steps, num_envs), self._state.networks
+        each = num_steps, num_envs
         observations = np.empty((*each, self._observations.shape[1]), np.float32)
         after, actions = np.empty_like(observations), np.empty_like(noise)
         rewards = np.empty(each, np.float32)
         terminated, truncated = np.empty(each, bool), np.empty(each, bool)
-        act = partial(_act, self._config.squashing, networks, scaling, self._low, self._high)
+        leaves, shape = jax.tree.flatten((self._state.networks, scaling, self._low, self._high))
+        act = partial(_act, self._config.squashing, shape, leaves)
         for step in range(num_steps):
             observations[step] = self._observations
             actions[step], applied = jax.device_get(act(self._observations, noise[step]))
-            for index, copy in enumerate(self._copies):
-                found, paid, ended, cut = copy.step(applied[index])
-                after[step, index] = found
-                rewards[step, index], terminated[step, index], truncated[step, index] = paid, ended, cut
-                self._observations[index] = copy.begin() if ended or cut else found
+            after[step], rewards[step], terminated[step], truncated[step] = self._copies.step(applied)
+            self._observations[:] = after[step]
+            for index in np.flatnonzero(terminated[step] | truncated[step]):
+                self._observations[index] = self._copies.begin(int(index))
         return Gathered(observations, after, actions, noise, rewards, terminated, truncated & ~terminated)
 
     def _scaled(self, gathered: Gathered) -> Float[np.ndarray, "steps envs"]:
@@ -236,51 +230,6 @@ class Learner:
             return Scaling(zeros, zeros + 1)
         scale = np.sqrt(moments.var + LEAST_VARIANCE)
         return Scaling(jnp.asarray(moments.mean, jnp.float32), jnp.asarray(scale, jnp.float32))
-
-
-class _Copy:
-    """One of a lane's environments, and what leads to where it is: its episode's seed, the actions since."""
-
-    def __init__(self, env: gymnasium.Env, seeds: tuple[int, int]):
-        self.env = env
-        self._seeds = seeds
-        self._episode = 0
-        self._actions: list[np.ndarray] = []
-
-    def begin(self) -> Any:
-        """The first observation of another episode."""
-        self._episode += 1
-        self._actions = []
-        return self._reset()
-
-    def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool]:
-        """A step of the episode under way."""
-        if len(self._actions) <= LONGEST_REPLAY:
-            self._actions.append(action)
-        observation, reward, terminated, truncated, _ = self.env.step(action)
-        return observation, float(reward), bool(terminated), bool(truncated)
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """The episode under way."""
-        size = self.env.action_space.shape or ()
-        actions = np.array(self._actions, np.float32).reshape(len(self._actions), *size)
-        return {"episode": np.array(self._episode), "actions": actions}
-
-    def replay(self, arrays: Mapping[str, np.ndarray]) -> Any:
-        """The observation where the episode of these `arrays` stood; `None` if it does not get there."""
-        self._episode, self._actions = int(arrays["episode"]), [*arrays["actions"]]
-        observation, ended = self._reset(), len(self._actions) > LONGEST_REPLAY
-        for action in self._actions:
-            if ended:
-                return None
-            observation, _, terminated, truncated, _ = self.env.step(action)
-            ended = bool(terminated or truncated)
-        return None if ended else observation
-
-    def _reset(self) -> Any:
-        # Above 2³⁰, where no evaluation begins.
-        drawn = np.random.SeedSequence((*self._seeds, self._episode)).generate_state(1)[0]
-        return self.env.reset(seed=2**30 + int(drawn) % 2**30)[0]
 
 
 def _sizes(env: gymnasium.Env) -> tuple[int, int]:
@@ -309,17 +258,20 @@ def _normal(key: Array, shape: tuple[int, ...]) -> Array:
     return jax.random.normal(key, shape)
 
 
-@partial(_jit, static_argnums=0)
+@partial(_jit, static_argnums=(0, 1))
 def _act(
     squashing: str,
-    networks: ActorCritic,
-    scaling: Scaling,
-    low: Float[Array, " actions"],
-    high: Float[Array, " actions"],
+    shape: Any,
+    leaves: list[Array],
     observations: Float[Array, "envs observations"],
     noise: Float[Array, "envs actions"],
 ) -> tuple[Float[Array, "envs actions"], Float[Array, "envs actions"]]:
-    """Actions as sampled, and as they are applied."""
+    """Actions as sampled, and as they are applied.
+
+    **Arguments:** `leaves`, of the networks, the scaling and the actions' bounds: taken apart once a rollout,
+    for that takes longer than the products do.
+    """
+    networks, scaling, low, high = jax.tree.unflatten(shape, leaves)
     means = networks.means(scaling(observations).T).T
     actions = means + jnp.exp(networks.log_std)[None] * noise
     return actions, SQUASHINGS[squashing](actions, low[None], high[None])

@@ -215,8 +215,8 @@ def after(steps: int) -> str:
     return f"after step {steps}" if steps else "after the reset"
 
 
-def reward_number(reward: Any, env: Any, when: str, term: str = "") -> float:
-    """What an environment pays, or a term of that in its info, as a number.
+def reward_number(reward: Any, env: Any, steps: int, term: str = "") -> float:
+    """What an environment pays so many steps after the reset, or a term of that in its info, as a number.
 
     **Raises:** `SignalError`, naming the environment and the step, for what is no single finite number.
     """
@@ -227,12 +227,12 @@ def reward_number(reward: Any, env: Any, when: str, term: str = "") -> float:
         what = f"term {term!r} of the reward" if term else "reward"
         raise SignalError(
             f"the {what} of {environment_name(env)} must be one finite number, "
-            f"but {when} it is {shown(reward)}"
+            f"but {after(steps)} it is {shown(reward)}"
         )
     return number
 
 
-def reward_numbers(rewards: Any, env: gymnasium.vector.VectorEnv, when: str) -> Float[np.ndarray, " envs"]:
+def reward_numbers(rewards: Any, env: gymnasium.vector.VectorEnv, steps: int) -> Float[np.ndarray, " envs"]:
     """What the environments of a vector environment pay, as they return it.
 
     **Raises:** as `reward_number`, naming the environments.
@@ -240,23 +240,23 @@ def reward_numbers(rewards: Any, env: gymnasium.vector.VectorEnv, when: str) -> 
     array = np.asarray(rewards)
     if array.dtype.kind not in "biuf" or array.shape != (env.num_envs,):
         raise SignalError(
-            f"the rewards of {env} must be {env.num_envs} numbers, one an environment, but {when} they are "
-            f"{shown(rewards)}"
+            f"the rewards of {env} must be {env.num_envs} numbers, one an environment, but "
+            f"{after(steps)} they are {shown(rewards)}"
         )
     if not (finite := np.isfinite(array)).all():
         where = ", ".join(map(str, np.flatnonzero(~finite)))
         raise SignalError(
-            f"the reward must be a finite number, but {when} in environment {where} it is "
+            f"the reward must be a finite number, but {after(steps)} in environment {where} it is "
             f"{array[~finite][0]}: {env}"
         )
     return array
 
 
-def require_info(info: Any, env: Any, when: str) -> None:
+def require_info(info: Any, env: Any, steps: int) -> None:
     """**Raises:** `SignalError`, naming the environment and the step, for an info that is no dict."""
     if not isinstance(info, Mapping):
         raise SignalError(
-            f"the info of {environment_name(env)} must be a dict, but {when} it is {shown(info)}"
+            f"the info of {environment_name(env)} must be a dict, but {after(steps)} it is {shown(info)}"
         )
 
 

@@ -94,7 +94,7 @@ class MirroredEnv(gymnasium.Wrapper):
 
     def __init__(self, env: gymnasium.Env, mirror: PhaseMirror):
         super().__init__(env)
-        self._mirror = mirror
+        self.mirror = mirror
         self._phase = -1
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
@@ -104,13 +104,22 @@ class MirroredEnv(gymnasium.Wrapper):
 
     def step(self, action: np.ndarray) -> Any:
         """One step, by the phase that was expected before it."""
-        done = self._mirror.done(np.asarray(action), self._phase)
+        done = self.mirror.done(np.asarray(action), self._phase)
         observation, *rest = self.env.step(done)
         return self._observed(observation), *rest
 
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether the policy is mirrored in the next step."""
+        return self.mirror.phases[self._phase]
+
+    def expect(self, phase: int) -> None:
+        """Be mirrored as it is while this phase is expected."""
+        self._phase = phase
+
     def _observed(self, observation: np.ndarray) -> np.ndarray:
-        self._phase = self.env.get_wrapper_attr(EXPECTED_PHASE)
-        return self._mirror.observed(observation, self._phase)
+        self.expect(self.env.get_wrapper_attr(EXPECTED_PHASE))
+        return self.mirror.observed(observation, self._phase)
 
 
 def _image(name: str, images: Mapping[str, str]) -> str:

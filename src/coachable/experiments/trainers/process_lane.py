@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import equinox as eqx
-import gymnasium
 import jax
 import numpy as np
 
+from coachable.envs.episode_log import EndedEpisodes, EpisodeLog
 from coachable.envs.problem import PlantProblem
 from coachable.envs.rollout import Trajectory, rollout
 from coachable.envs.squashing import Deterministic
@@ -72,7 +72,7 @@ class LaneWork:
         make = partial(experiment.problem.training_environment, setup, experiment.evaluate_every)
         measure = assessment(experiment, self.lane)
         learner = self.make_learner(
-            lambda: EpisodeLog(make(), episodes, measure.sums_of, measure.fell_key), self.lane.seed
+            lambda: EpisodeLog(make(), episodes.ended, measure.sums_of, measure.fell_key), self.lane.seed
         )
         due = [step for steps in evaluation_steps(experiment).values() for step in steps]
         with _tracked(self.track) as note:
@@ -90,65 +90,15 @@ class Episodes:
     """The training episodes of a lane, from all of its environments."""
 
     log: Log = field(default_factory=Log)
-    ended: list[dict[str, Any]] = field(default_factory=list)
+    ended: EndedEpisodes = field(default_factory=EndedEpisodes)
     """Those that ended since the last update; they are logged with the diagnostics of the next one."""
-    num_steps: int = 0
-    """Steps of all environments together."""
 
     def log_ended(self, diagnostics: Mapping[str, float]) -> None:
         """Log the episodes that ended in the rollout before an update, with that update's diagnostics."""
         about = {name: diagnostics.get(name, np.nan) for name in DIAGNOSTICS}
-        for row in self.ended:
+        for row in self.ended.rows:
             self.log.add({name: np.array([value]) for name, value in (row | about).items()})
-        self.ended.clear()
-
-
-class EpisodeLog(gymnasium.Wrapper):
-    """Keeps the return, the length and the end of every episode, and sums of numbers in its infos.
-
-    Infos go no further: stable-baselines3 reads none of ours, but copies each of them deeply.
-
-    **Arguments:** `episodes`, where they are kept; `sums_of`: from an info to numbers by name, which are
-    added up over an episode; `fell_key`, the key of an info that holds whether an episode that terminated
-    was a fall, if not all are.
-    """
-
-    def __init__(
-        self,
-        env: gymnasium.Env,
-        episodes: Episodes,
-        sums_of: Callable[[Mapping[str, Any]], Mapping[str, float]],
-        fell_key: str | None = None,
-    ):
-        super().__init__(env)
-        self._fell_key = fell_key
-        self._episodes = episodes
-        self._sums_of = sums_of
-        self._begin()
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
-        """Begin an episode; one that has not ended is dropped."""
-        self._begin()
-        observation, _ = self.env.reset(seed=seed, options=options)
-        return observation, {}
-
-    def step(self, action: Any) -> Any:
-        """One step, counted."""
-        observation, reward, terminated, truncated, info = self.env.step(action)
-        self._episodes.num_steps += 1
-        self._length += 1
-        self._return += float(reward)
-        for name, number in self._sums_of(info).items():
-            self._sums[name] = self._sums.get(name, 0.0) + number
-        if terminated or truncated:
-            fell = terminated if self._fell_key is None else info[self._fell_key]
-            episode = {"end_step": self._episodes.num_steps, "return": self._return, "length": self._length}
-            self._episodes.ended.append({**episode, "fell": bool(fell), **self._sums})
-        return observation, reward, terminated, truncated, {}
-
-    def _begin(self) -> None:
-        self._return, self._length = 0.0, 0
-        self._sums: dict[str, float] = {}
+        self.ended.rows.clear()
 
 
 class _Training:
@@ -184,7 +134,7 @@ class _Training:
     def between(self) -> None:
         """Between two updates: evaluate what is due, save what is old, report progress."""
         step = self._learner.num_steps
-        if self._episodes.ended:
+        if self._episodes.ended.rows:
             self._episodes.log_ended(self._learner.diagnostics())
         due = [s for s in self._due if s < step + self._learner.steps_an_update]
         self._due = self._due[len(due) :]
@@ -219,7 +169,7 @@ class _Training:
         self._due = self._due[about["num_evaluations"] :]
         self._episodes.log = Log.of(arrays, "episodes.")
         self._num_noted = self._episodes.log.num_rows
-        self._episodes.num_steps = self._learner.num_steps
+        self._episodes.ended.num_steps = self._learner.num_steps
         self._evaluations = Log.of(arrays, "evaluations.")
         self._num_evaluations = about["num_evaluations"]
 
