@@ -281,10 +281,14 @@ def test_options_alone_are_a_plan():
 
 
 def test_by_default_the_description_alone_pays_and_being_alive():
-    """By the form `schedule`, seen, where the description has the limits that it needs."""
-    (setup,) = load_plan(None, env="Walker2d-v5", behaviour="walk").setups
+    """By the form `schedule`, seen, where the description has the limits that it needs; no step costs."""
+    experiment = load_plan(None, env="Walker2d-v5", behaviour="walk")
+    (setup,) = experiment.setups
     alone = DescribedSetup(name="described", terms={"alive": 1.0})
-    assert setup == dataclasses.replace(alone, reward_variant="schedule", observe="memory")
+    form = {"form": "schedule", "skip_fine": 0.1, "fine_spread": True}
+    assert setup == dataclasses.replace(alone, reward_variant=form, observe="memory")
+    assert isinstance(experiment.problem, EnvironmentProblem)
+    assert experiment.problem.least_pay(setup) == 0
     assert load_plan(None, env="Walker2d-v5", behaviour="perry-gait").setups == (alone,)
     assert load_plan(None, env="Walker2d-v5", behaviour="walk", weight=2.0).setups == (
         dataclasses.replace(setup, weight=2.0),

@@ -245,10 +245,12 @@ def _described_setup(behaviour: Behaviour) -> DescribedSetup:
     """What is paid in a Gymnasium environment unless a plan says: the description alone, and staying alive.
 
     The form is `schedule`, where every phase on a cycle has a limit. Being alive pays as much as being in
-    another phase than the expected one costs, so that it never pays to end the episode.
+    another phase than the expected one costs, so that it never pays to end the episode; for the same reason
+    the fine for a phase that was passed over is spread over the steps that follow.
     """
     described = DescribedSetup(name="described", terms={"alive": 1.0})
-    scheduled = dataclasses.replace(described, reward_variant="schedule", observe="memory")
+    form = {"form": "schedule", "skip_fine": 0.1, "fine_spread": True}
+    scheduled = dataclasses.replace(described, reward_variant=form, observe="memory")
     return scheduled if has_expected_run(behaviour) else described
 
 
