@@ -150,11 +150,13 @@ def _described(results: Results) -> list[Row]:
     for ours in (name for name in _named(results, "described") if name.endswith(" coachable")):
         robot = ours.removesuffix(" coachable")
         theirs, alone = f"{robot} stable-baselines3", f"{robot} mj_step"
+        walk = f"{robot} without learning"
         share = f"{100 * results.ratio(ours, alone):.0f} % of it"
         first = not rows
         rows += [
             _step_row(results, f"training: {ours}", ours),
             _step_row(results, "… stable-baselines3", theirs, results.faster(ours, theirs), "≥ 5 ×" * first),
+            _step_row(results, "… without learning: simulator, signals, reward", walk),
             _step_row(results, "… mj_step alone", alone, share, "≥ 65 %" * first),
         ]
     return rows

@@ -8,6 +8,7 @@ from typing import Any
 
 import gymnasium
 import mujoco as _mujoco
+import numpy as np
 
 from coachable.envs.episode_log import EndedEpisodes, EpisodeLog
 from coachable.envs.side_by_side.copies import Copies
@@ -43,12 +44,14 @@ class _Recorded(Copies):
     def step(self, actions: Any) -> Any:
         """One step."""
         found = super().step(actions)
+        self.actions.append(actions)
         for told, env in zip(self.told, self.envs, strict=True):
             told.append(_simulator(env).data.ctrl.copy())
         return found
 
     def forget(self) -> None:
         """Keep nothing but where the simulators are."""
+        self.actions: list[Any] = []
         self.told: list[list[Any]] = [[] for _ in self.envs]
         for index in range(len(self.envs)):
             self.keep_state(index)
@@ -81,7 +84,8 @@ def _simulator(env: gymnasium.Env) -> Any:
 def prepare(env: str, num_updates: int):
     """So many updates, then the evaluation of an episode; units are training steps.
 
-    Both learners have the same settings. `mj_step` is told what the simulators of ours were told.
+    Both learners have the same settings. Without learning, other copies make as many steps by the same
+    actions; `mj_step` is told what the simulators of ours were told.
     """
     set_up_jax()
     ours = load_plan(None, env=env, behaviour=BEHAVIOURS[env])
@@ -96,12 +100,23 @@ def prepare(env: str, num_updates: int):
     copies = our_learner._copies
     copies.__class__ = _Recorded
 
+    others = Copies(_make(ours, EndedEpisodes()), [(1, number) for number in range(config.n_envs)])
+    for index in range(config.n_envs):
+        others.begin(index)
+
     def train() -> None:
         copies.forget()
         our_training(num_updates)
 
+    def walk() -> None:
+        for actions in copies.actions:
+            _, _, terminated, truncated = others.step(actions)
+            for index in np.flatnonzero(terminated | truncated):
+                others.begin(int(index))
+
     return {
         "coachable": train,
+        "without learning": walk,
         "stable-baselines3": lambda: their_training(num_updates),
         "mj_step": copies.simulate,
     }, num_updates * config.rollout_size
@@ -109,18 +124,24 @@ def prepare(env: str, num_updates: int):
 
 def _training(experiment: Experiment) -> tuple[Any, Callable[[int], None]]:
     """A lane of a trainer of environments, as its process runs it: its learner, and what makes updates."""
-    (setup,), ended = experiment.setups, EndedEpisodes()
-    measure = assessment(experiment, Lane(setup.name, 0))
-
-    def make() -> gymnasium.Env:
-        env = experiment.problem.training_environment(setup, experiment.evaluate_every)
-        return EpisodeLog(env, ended, measure.sums_of, measure.fell_key)
-
+    measure = assessment(experiment, Lane(experiment.setups[0].name, 0))
     assert isinstance(experiment.trainer, EnvironmentPPO | StableBaselines3)
-    learner = experiment.trainer.learner(make, 0)
+    learner = experiment.trainer.learner(_make(experiment, EndedEpisodes()), 0)
 
     def train(num_updates: int) -> None:
         learner.learn(learner.num_steps + num_updates * learner.steps_an_update, lambda: None)
         measure.evaluate(learner.policy())
 
     return learner, train
+
+
+def _make(experiment: Experiment, ended: EndedEpisodes) -> Callable[[], gymnasium.Env]:
+    """What makes an environment of a lane."""
+    (setup,) = experiment.setups
+    measure = assessment(experiment, Lane(setup.name, 0))
+
+    def make() -> gymnasium.Env:
+        env = experiment.problem.training_environment(setup, experiment.evaluate_every)
+        return EpisodeLog(env, ended, measure.sums_of, measure.fell_key)
+
+    return make

@@ -99,7 +99,7 @@ def test_the_virtual_gravity_gait_does_not_cross_in_one_instant(crossing, x64):
     assert "The virtual-gravity gait does not take it, for it misses θ\u0307₂ > 0" in crossing.sentences[-1]
 
 
-@settings(max_examples=10)
+@settings(max_examples=5)  # each compiles a walker
 @given(parameters, st.floats(0.05, 1.5), velocities, velocities, st.sampled_from(("<=", ">")))
 def test_the_bound_before_says_what_the_impact_says_after(sizes, theta_2, dtheta_1, dtheta_2, relation):
     walker = CompassWalker(CompassParameters(**sizes))

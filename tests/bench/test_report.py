@@ -36,3 +36,15 @@ def test_training_with_a_wrapper_is_compared_with_training_without():
         {"wrapper in training alone": [took(800.0)], "wrapper in training with coachable": [took(840.0)]}
     )
     assert [row.comparison for row in rows] == ["", "+5.0 %"]
+
+
+def test_described_training_stands_between_its_opponent_and_its_simulator():
+    speeds = {"coachable": 200.0, "stable-baselines3": 500.0, "without learning": 150.0, "mj_step": 100.0}
+    rows = report({f"described Walker2d {name}": [took(speed)] for name, speed in speeds.items()})
+    assert [row.title for row in rows] == [
+        "training: described Walker2d coachable",
+        "… stable-baselines3",
+        "… without learning: simulator, signals, reward",
+        "… mj_step alone",
+    ]
+    assert [row.comparison for row in rows] == ["", "2.50 × a CPU-s, 2.50 × on the wall", "", "50 % of it"]

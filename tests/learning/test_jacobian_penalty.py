@@ -56,11 +56,12 @@ def test_its_gradient_agrees_with_differences_of_the_loss():
         config = PPOConfig(jacobian_penalty=0.3)
         flat, unravel = jax.flatten_util.ravel_pytree(networks)
 
+        @jax.jit
         def penalty(flat):
             whole, without = (ppo.loss(unravel(flat), batch, c)[0] for c in (config, PPOConfig()))
             return whole - without
 
-        gradient = jax.grad(penalty)(flat)
+        gradient = jax.jit(jax.grad(penalty))(flat)
         for number in range(5):
             direction = jax.random.normal(jax.random.key(number), flat.shape, jnp.float64)
             difference = (penalty(flat + 1e-5 * direction) - penalty(flat - 1e-5 * direction)) / 2e-5

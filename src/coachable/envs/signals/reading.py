@@ -220,8 +220,8 @@ def reward_number(reward: Any, env: Any, steps: int, term: str = "") -> float:
 
     **Raises:** `SignalError`, naming the environment and the step, for what is no single finite number.
     """
-    if type(reward) is float and math.isfinite(reward):
-        return reward
+    if isinstance(reward, float) and math.isfinite(reward):  # NumPy's float64 is one
+        return float(reward)
     number = _number(reward)
     if number is None or not math.isfinite(number):
         what = f"term {term!r} of the reward" if term else "reward"
