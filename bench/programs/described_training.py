@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import gymnasium
+import jax
 import mujoco as _mujoco
 import numpy as np
 
@@ -88,6 +89,7 @@ def prepare(env: str, num_updates: int):
     actions; `mj_step` is told what the simulators of ours were told.
     """
     set_up_jax()
+    jax.config.update("jax_cpu_enable_async_dispatch", False)  # as in a lane's process
     ours = load_plan(None, env=env, behaviour=BEHAVIOURS[env])
     assert isinstance(ours.trainer, EnvironmentPPO)
     config = ours.trainer.config
