@@ -20,6 +20,11 @@ SETUP = {"reward_variant": "schedule", "observe": "memory", "terms": {"alive": 1
 CASES = {
     "walker": {"env": "Walker2d-v5", "behaviour": "walk"},
     "walker, cut off": {"env": "Walker2d-v5", "behaviour": "walk", "env_options": {"max_episode_steps": 15}},
+    "walker, never cut off": {
+        "env": "Walker2d-v5",
+        "behaviour": "walk",
+        "env_options": {"max_episode_steps": -1},
+    },
     "walker, paid its own": {"env": "Walker2d-v5", "behaviour": "walk", "setups": {"own": {"weight": 0.5}}},
     "walker, paid by terms": {
         "env": "Walker2d-v5",

@@ -133,7 +133,8 @@ class _Layers(NamedTuple):
     described: list[BehaviourReward]
     own: list[OwnReward]
     robots: Robots
-    most_steps: int
+    most_steps: float
+    """After which an episode is cut off."""
 
     @staticmethod
     def of(envs: list[gymnasium.Env]) -> _Layers | None:
@@ -152,11 +153,10 @@ class _Layers(NamedTuple):
                 elif kind is not MirroredEnv:
                     return None
             inner.append(env)
-        robots, spec = robots_of(inner), inner[0].spec
+        robots = robots_of(inner)
         if robots is None or len(mirrored) not in (0, len(envs)):
             return None
-        most_steps = spec.max_episode_steps
-        return _Layers(logs, mirrored, described, own, robots, 2**62 if most_steps is None else most_steps)
+        return _Layers(logs, mirrored, described, own, robots, _most_steps(inner[0]))
 
     @property
     def are_tried(self) -> bool:
@@ -188,3 +188,13 @@ class _Layers(NamedTuple):
             is_mirrored = np.array([each.is_mirrored for each in self.mirrored])
             observations[is_mirrored] = self.mirrored[0].mirror.observation(observations[is_mirrored])
         return observations, np.array(rewards), np.array(terminated), np.array(truncated)
+
+
+def _most_steps(env: gymnasium.Env) -> float:
+    """The least of the time limits around an environment."""
+    most = float("inf")
+    while isinstance(env, gymnasium.Wrapper):
+        if isinstance(env, gymnasium.wrappers.TimeLimit):
+            most = min(most, float(env._max_episode_steps))
+        env = env.env
+    return most
