@@ -13,7 +13,7 @@ from coachable.experiments.trainers.environment_ppo import EnvironmentPPO
 def test_every_robot_can_be_told_so(env):
     experiment = load_plan(None, env=env, behaviour=BEHAVIOURS[env])
     assert isinstance(experiment.trainer, EnvironmentPPO)
-    made = experiment.problem.training_environment(experiment.setups[0], experiment.evaluate_every)
+    made = experiment.problem.environment(experiment.setups[0])
     observation, _ = made.reset(seed=0)
     assert made.observation_space.contains(observation)
     made.close()
