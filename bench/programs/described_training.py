@@ -100,9 +100,10 @@ def prepare(env: str, num_updates: int):
     our_learner, our_training = _training(ours)
     _, their_training = _training(theirs)
     copies = our_learner._copies
+    # The learner makes its copies itself; a wrapper around each would keep them from being stepped by layers.
     copies.__class__ = _Recorded
 
-    others = Copies(_make(ours, EndedEpisodes()), [(1, number) for number in range(config.n_envs)])
+    others = Copies(_make(ours), [(1, number) for number in range(config.n_envs)])
     for index in range(config.n_envs):
         others.begin(index)
 
@@ -128,7 +129,7 @@ def _training(experiment: Experiment) -> tuple[Any, Callable[[int], None]]:
     """A lane of a trainer of environments, as its process runs it: its learner, and what makes updates."""
     measure = assessment(experiment, Lane(experiment.setups[0].name, 0))
     assert isinstance(experiment.trainer, EnvironmentPPO | StableBaselines3)
-    learner = experiment.trainer.learner(_make(experiment, EndedEpisodes()), 0)
+    learner = experiment.trainer.learner(_make(experiment), 0)
 
     def train(num_updates: int) -> None:
         learner.learn(learner.num_steps + num_updates * learner.steps_an_update, lambda: None)
@@ -137,9 +138,9 @@ def _training(experiment: Experiment) -> tuple[Any, Callable[[int], None]]:
     return learner, train
 
 
-def _make(experiment: Experiment, ended: EndedEpisodes) -> Callable[[], gymnasium.Env]:
+def _make(experiment: Experiment) -> Callable[[], gymnasium.Env]:
     """What makes an environment of a lane."""
-    (setup,) = experiment.setups
+    (setup,), ended = experiment.setups, EndedEpisodes()
     measure = assessment(experiment, Lane(setup.name, 0))
 
     def make() -> gymnasium.Env:

@@ -14,8 +14,8 @@ import gymnasium
 import numpy as np
 from jaxtyping import Float
 
-FASTEST = 10.0
-"""Velocities in observations of Walker2d and Hopper are cut to ± this."""
+VELOCITY_BOUND = 10.0
+"""Velocities [m/s, rad/s] in observations of Walker2d and Hopper are cut to ± this."""
 
 
 class RobotSteps(NamedTuple):
@@ -48,7 +48,7 @@ class Robots(abc.ABC):
         self._qvel = np.empty((len(bases), self._first.model.nv))
 
     def step(self, actions: Float[np.ndarray, "robots controls"]) -> RobotSteps:
-        """One step of every robot."""
+        """One control step of every robot. **Arguments:** `actions`, what its motors are told, a row each."""
         mj_step, frame_skip = self._mj_step, self._frame_skip
         before, positions, velocities = self._before, self._qpos, self._qvel
         for index, (model, data, ctrl, qpos, qvel) in enumerate(self._robots):
@@ -96,7 +96,7 @@ class Walker2ds(Robots):
             reward_survive=alive,
         )
         return RobotSteps(
-            self._observations(np.clip(self._qvel, -FASTEST, FASTEST)),
+            self._observations(np.clip(self._qvel, -VELOCITY_BOUND, VELOCITY_BOUND)),
             (forward + alive - effort).tolist(),
             (~healthy & first._terminate_when_unhealthy).tolist(),
             infos,
