@@ -1,9 +1,12 @@
 """Where no mirror can be derived, a plan names it: which numbers change places, and which their sign."""
 
+import json
+
 import gymnasium
 import numpy as np
 import pytest
 
+from coachable import cli
 from coachable.behaviours.text.parser import parse
 from coachable.envs.problem import EnvironmentProblem
 from coachable.envs.symmetry.named_mirror import NamedImage, NamedMirror
@@ -95,6 +98,16 @@ def test_a_walker_of_box2d_changes_its_legs():
     assert "[mirror] observation" in without.why_not_mirrored(setup())
     with pytest.raises(ParameterError, match=r"mirror = true: BipedalWalker-v3 is no MuJoCo environment"):
         without.mirror(setup(mirror=True))
+
+
+def test_the_command_shows_what_the_plan_names(plan, capsys):
+    cli.main(["symmetry", str(plan), "--trust"])
+    shown = capsys.readouterr().out
+    assert "neither derived nor tested" in shown
+    assert "2 of 4 numbers change places, 1 change their sign" in shown
+    assert "2 of 2 numbers change places, 0 change their sign" in shown
+    cli.main(["symmetry", str(plan), "--trust", "--json"])
+    assert json.loads(capsys.readouterr().out)["observation"]["sources"] == [0, 2, 1, 3]
 
 
 def test_it_is_its_own_inverse_whatever_is_named():
