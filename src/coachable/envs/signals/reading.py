@@ -71,7 +71,8 @@ class SignalReader:
         single number, and for NaN if so wished; an entry that the info lacks is NaN.
         """
         row = () if self.read_others is None else self.read_others(env)
-        if not self.own and not any(value != value for value in row):
+        # A sum with a NaN in it is NaN. Infinities can make it that, too; then each number is looked at.
+        if not self.own and (total := sum(row)) == total:
             return row
         values: dict[str, Any] = dict(zip(self.others, row, strict=True))
         absent: dict[str, str] = {}
@@ -254,7 +255,7 @@ def reward_numbers(rewards: Any, env: gymnasium.vector.VectorEnv, steps: int) ->
 
 def require_info(info: Any, env: Any, steps: int) -> None:
     """**Raises:** `SignalError`, naming the environment and the step, for an info that is no dict."""
-    if not isinstance(info, Mapping):
+    if type(info) is not dict and not isinstance(info, Mapping):  # the former takes a fifth of the time
         raise SignalError(
             f"the info of {environment_name(env)} must be a dict, but {after(steps)} it is {shown(info)}"
         )
