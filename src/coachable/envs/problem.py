@@ -65,6 +65,10 @@ class Problem(abc.ABC):
         """The environment as lanes that are evaluated every so many steps train in it."""
         return self.environment(setup)
 
+    def sample_mirror(self, setup: Any) -> RobotMirror | None:
+        """The mirror whose images of samples are learned from, too; `None` if none are."""
+        return None
+
     def policy_description(self, setup: Any) -> dict[str, Any]:
         """Entries of a policy's description that its trainer does not know."""
         return {}
@@ -270,15 +274,31 @@ class EnvironmentProblem(Problem):
         with closing(self.environment(setup)) as env:
             return self._mirror_in(env, setup)
 
+    def sample_mirror(self, setup: DescribedSetup) -> RobotMirror | None:
+        """That of all that the policy observes, memory included, if the setup says `mirror = "samples"`.
+
+        **Raises:** as `mirror`.
+        """
+        if setup.mirror != "samples":
+            return None
+        with closing(self.environment(setup)) as env:
+            mirror = self._map_in(env, setup)
+        return None if mirror is None else RobotMirror(mirror.observation, mirror.action)
+
     def why_not_mirrored(self, setup: DescribedSetup) -> str:
         """Why a description with two sides is not mirrored, where the setup allows it; else nothing."""
         with closing(self.environment(setup)) as env:
             return self._mirror_or_reason(env, setup)[1]
 
     def _mirror_in(self, env: gymnasium.Env, setup: DescribedSetup) -> PhaseMirror | None:
+        mirror = self._map_in(env, setup)
+        return None if setup.mirror == "samples" else mirror
+
+    def _map_in(self, env: gymnasium.Env, setup: DescribedSetup) -> PhaseMirror | None:
         mirror, reason = self._mirror_or_reason(env, setup)
         if reason and setup.mirror:
-            raise ParameterError(f"mirror = true: {reason}; leave it out, or write mirror = false")
+            demanded = "true" if setup.mirror is True else repr(setup.mirror)
+            raise ParameterError(f"mirror = {demanded}: {reason}; leave it out, or write mirror = false")
         return mirror
 
     def _mirror_or_reason(self, env: gymnasium.Env, setup: DescribedSetup) -> tuple[PhaseMirror | None, str]:

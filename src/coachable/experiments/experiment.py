@@ -15,7 +15,7 @@ from coachable.experiments.trainers.trainer import Trainer
 from coachable.foundation.data import toml_text, whole_number
 from coachable.foundation.errors import PlanError
 from coachable.foundation.suggestion import suggestion
-from coachable.rewards.setup import TERM_NAMES, RewardSetup
+from coachable.rewards.setup import TERM_NAMES, DescribedSetup, RewardSetup
 
 Which = Literal["last", "best"]
 """Of a lane's policies: after the last update, or at the best evaluation return."""
@@ -123,6 +123,12 @@ class Experiment:
                     f"setup {hidden[0]!r}: observe = 'value-only' needs trainer = 'ppo'; {self.trainer.name} "
                     "shows its policy and its value network the same"
                 )
+        named = [s.name for s in self.setups if isinstance(s, DescribedSetup) and s.mirror == "samples"]
+        if named and not self.trainer.mirrors_samples:
+            raise PlanError(
+                f"setup {named[0]!r}: mirror = 'samples' needs trainer = 'ppo'; {self.trainer.name} adds no "
+                "mirrored samples, but its policies can be mirrored by phase: mirror = true"
+            )
 
     @property
     def behaviour(self) -> Behaviour:

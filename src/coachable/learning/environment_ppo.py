@@ -20,6 +20,7 @@ from jaxtyping import Array, Bool, Float
 
 from coachable.envs.side_by_side.copies import Copies
 from coachable.envs.squashing import SQUASHINGS
+from coachable.envs.symmetry.derived import RobotMirror
 from coachable.foundation.errors import PlanError
 from coachable.foundation.trees import arrays_of, tree_from
 from coachable.learning import ppo
@@ -59,6 +60,14 @@ class Gathered(NamedTuple):
     terminated: Bool[np.ndarray, "steps envs"]
     truncated: Bool[np.ndarray, "steps envs"]
 
+    def image(self, mirror: RobotMirror) -> Gathered:
+        """The same steps in the mirror, drawn with the same noise and paid the same."""
+        return self._replace(
+            observations=mirror.observation(self.observations),
+            next_observations=mirror.observation(self.next_observations),
+            actions=mirror.action(self.actions),
+        )
+
 
 class Learner:
     """One lane: several copies of an environment, a policy for all of them, and what a checkpoint holds.
@@ -70,18 +79,25 @@ class Learner:
         make_env: observations are a row of numbers, actions a bounded one.
         config: the settings.
         seed: for the networks, the sampling and the environments.
+        mirror: of all that is observed; if given, it learns from the mirror images of its samples, too.
 
     **Raises:** `PlanError` for spaces that it cannot work with.
     """
 
-    def __init__(self, make_env: MakeEnv, config: EnvironmentPPOConfig, seed: int):
+    def __init__(
+        self,
+        make_env: MakeEnv,
+        config: EnvironmentPPOConfig,
+        seed: int,
+        mirror: RobotMirror | None = None,
+    ):
         self._copies = Copies(make_env, [(seed, number) for number in range(config.n_envs)])
         first = self._copies.envs[0]
         num_observations, num_actions = _sizes(first)
         box: Any = first.action_space
         key, network_key = jax.random.split(jax.random.key(seed))
         networks = initial_networks(network_key, num_observations, num_actions, config.hidden_sizes)
-        self._config = config
+        self._config, self._mirror = config, mirror
         self._state = ppo.initial_state(key, networks, None)
         self._low, self._high = jnp.asarray(box.low, jnp.float32), jnp.asarray(box.high, jnp.float32)
         self._of_observations = RunningMeanStd(shape=(num_observations,))
@@ -182,9 +198,14 @@ class Learner:
         scaling = self._scaling()
         gathered = self._gather(noise, scaling)
         if self._config.normalize:
-            self._of_observations.update(_rows(gathered.observations).astype(np.float64))
             gathered = gathered._replace(rewards=self._scaled(gathered))
-        state, diagnostics = _improve(self._config, replace(self._state, key=key), gathered, scaling, rate)
+        sides = [gathered] if self._mirror is None else [gathered, gathered.image(self._mirror)]
+        if self._config.normalize:
+            # Of both sides, so that what is scaled and then mirrored is what is mirrored and then scaled.
+            for side in sides:
+                self._of_observations.update(_rows(side.observations).astype(np.float64))
+        state = replace(self._state, key=key)
+        state, diagnostics = _improve(self._config, state, gathered, scaling, rate, *sides[1:])
         if not all(np.isfinite(leaf).all() for leaf in jax.device_get(jax.tree.leaves(state.networks))):
             raise PlanError(
                 f"the training diverged after {self.num_steps:,} steps: its networks hold what is no number. "
@@ -284,9 +305,16 @@ def _improve(
     gathered: Gathered,
     scaling: Scaling,
     rate: float | Float[Array, ""],
+    image: Gathered | None = None,
 ) -> tuple[ppo.TrainState, ppo.Diagnostics]:
-    noise, log_std = jnp.moveaxis(gathered.noise, -1, 0), state.networks.log_std
-    rollout = ppo.Rollout(
+    log_std = state.networks.log_std
+    mirrored = None if image is None else _rollout(image, scaling, log_std)
+    return ppo.improve(config, state, _rollout(gathered, scaling, log_std), rate, mirrored)
+
+
+def _rollout(gathered: Gathered, scaling: Scaling, log_std: Float[Array, " actions"]) -> ppo.Rollout:
+    noise = jnp.moveaxis(gathered.noise, -1, 0)
+    return ppo.Rollout(
         observations=scaling(gathered.observations),
         next_observations=scaling(gathered.next_observations),
         actions=jnp.asarray(gathered.actions),
@@ -295,4 +323,3 @@ def _improve(
         terminated=jnp.asarray(gathered.terminated),
         truncated=jnp.asarray(gathered.truncated),
     )
-    return ppo.improve(config, state, rollout, rate)

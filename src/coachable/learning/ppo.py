@@ -89,8 +89,9 @@ class Diagnostics(eqx.Module):
         policy_loss        = −mean min(ρ_t A_t, clip(ρ_t, 1 ± ε) A_t)
         entropy            = H(π(· | s_t)) = Σ_i (log σ_i + ½ log 2πe)
 
-    Each is the mean over the minibatches of all epochs; `approx_kl`, of the last epoch only. Of the whole
-    rollout, with the values V before the update, and of the policy after it:
+    Each is the mean over the minibatches of all epochs; `approx_kl`, of the last epoch only. Mirror images
+    (`with_images`) are samples, too; with them the first two also tell how far a policy is from its image. Of
+    the whole rollout, with the values V before the update, and of the policy after it:
 
         explained_variance = 1 − Var(R_t − V(s_t)) / Var(R_t)
         std                = mean σ_i
@@ -217,11 +218,16 @@ def collect(task: Task, state: TrainState, config: PPOConfig) -> tuple[TrainStat
 
 
 def improve(
-    config: PPOConfig, state: TrainState, rollout: Rollout, rate: float | Float[Array, ""] = 1.0
+    config: PPOConfig,
+    state: TrainState,
+    rollout: Rollout,
+    rate: float | Float[Array, ""] = 1.0,
+    image: Rollout | None = None,
 ) -> tuple[TrainState, Diagnostics]:
     """Advantages, fresh permutations, and `n_epochs` passes over the rollout.
 
-    **Arguments:** `rate`, what the learning rate is multiplied with.
+    **Arguments:** `rate`, what the learning rate is multiplied with; `image`, the rollout in the mirror, to
+    be learned from as well: every minibatch gets the image of each of its samples (see `with_images`).
     """
     values, next_values = values_of(state.networks, rollout)
     ended = rollout.terminated | rollout.truncated
@@ -237,6 +243,8 @@ def improve(
     )
     key, permutation_key = jax.random.split(state.key)
     permutations = random_permutations(permutation_key, config.n_epochs, config.rollout_size)
+    if image is not None:
+        batch, permutations = with_images(batch, image), beside_images(permutations, config)
     networks, adam, diagnostics = learn(state.networks, state.adam, batch, permutations, config, rate)
     state = replace(state, networks=networks, adam=adam, key=key, num_updates=state.num_updates + 1)
     return state, diagnostics
@@ -245,6 +253,33 @@ def improve(
 def columns(rows: Float[Array, "*steps numbers"]) -> Float[Array, "numbers batch"]:
     """The samples of a rollout as columns."""
     return rows.reshape(-1, rows.shape[-1]).T
+
+
+def with_images(batch: Batch, image: Rollout) -> Batch:
+    """The batch, and behind it the mirror image (P s, Q a) of each of its samples (s, a).
+
+    An image has its sample's advantage and return, as the robot and its pay are the same in the mirror, and
+    its sample's log-probability: it was drawn as if by the mirror image of the old policy, and Q keeps
+    volumes, so π_old(a | s) is the density that it was drawn with. What the old policy itself gives Q a in
+    P s is that density only if it is symmetric. Source: Abdolhosseini, Ling, Xie, Peng and van de Panne, *On
+    learning symmetric locomotion* (MIG 2019), method DUP, and `get_mirror_function` in their code,
+    github.com/UBCMOCCA/SymmetricRL.
+    """
+    images = replace(batch, observations=columns(image.observations), actions=columns(image.actions))
+    return jax.tree.map(lambda ours, theirs: jnp.concatenate([ours, theirs], axis=-1), batch, images)
+
+
+def beside_images(
+    permutations: Int[Array, "permutations size"], config: PPOConfig
+) -> Int[Array, "permutations twice_size"]:
+    """Orders of a batch `with_images`: what was a minibatch, and then the images of its samples.
+
+    So there are as many steps of Adam as without images, as in the authors' code, and what is the same in the
+    mirror stays so in each of them.
+    """
+    pieces = permutations.reshape(-1, config.num_minibatches, config.batch_size)
+    both = jnp.concatenate([pieces, pieces + permutations.shape[-1]], axis=-1)
+    return both.reshape(len(permutations), -1)
 
 
 def values_of(
@@ -344,7 +379,7 @@ def minibatches(batch: Batch, permutation: Int[Array, " batch"], config: PPOConf
     """The batch shuffled and cut along a leading axis, advantages normalised within each minibatch."""
 
     def cut(samples):
-        shape = (*samples.shape[:-1], config.num_minibatches, config.batch_size)
+        shape = (*samples.shape[:-1], config.num_minibatches, -1)
         return jnp.moveaxis(samples[..., permutation].reshape(shape), -2, 0)
 
     pieces = jax.tree.map(cut, batch)

@@ -131,8 +131,9 @@ class DescribedSetup:
     """Paid for each completed cycle."""
     observe: Literal["nothing", "memory"] = "nothing"
     """Whether what the form lets a policy observe is appended to the observation."""
-    mirror: bool | None = None
-    """Whether the policy is mirrored by phase; by default where description and robot have two sides."""
+    mirror: bool | Literal["samples"] | None = None
+    """Whether the policy is mirrored by phase; by default where description and robot have two sides.
+    `samples`: it is not, but learns from the mirror images of its samples, too."""
 
     def __post_init__(self):
         _ = self.form
@@ -144,8 +145,8 @@ class DescribedSetup:
         if self.observe not in ("nothing", "memory"):
             hint = suggestion(str(self.observe), ("nothing", "memory"))
             raise ParameterError(f"observe = {self.observe!r}: {hint}")
-        if self.mirror not in (None, True, False):
-            raise ParameterError(f"mirror must be true or false, got {shown(self.mirror)}")
+        if self.mirror not in (None, True, False, "samples"):
+            raise ParameterError(f"mirror must be true, false or 'samples', got {shown(self.mirror)}")
         for key, value in {"weight": self.weight, "cycle_bonus": self.cycle_bonus, **self.terms}.items():
             real_number(value, key, ParameterError)
         # NumPy's numbers have other names in the reward's hash.

@@ -216,5 +216,5 @@ def test_a_setup_may_do_without():
     walker = problem("Walker2d-v5")
     assert walker.mirror(setup()) is not None
     assert walker.mirror(setup(mirror=False)) is None
-    with pytest.raises(ParameterError, match="mirror must be true or false"):
+    with pytest.raises(ParameterError, match="mirror must be true, false or 'samples'"):
         setup(mirror="yes")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from coachable.envs.squashing import Squashing
+from coachable.envs.symmetry.derived import RobotMirror
 from coachable.experiments.trainers.environment_trainer import EnvironmentTrainer
 from coachable.experiments.trainers.trainer import Learner, MakeEnv
 from coachable.learning.config import EnvironmentPPOConfig
@@ -33,12 +34,17 @@ class EnvironmentPPO(EnvironmentTrainer):
         """As configured."""
         return self.config.squashing
 
+    @property
+    def mirrors_samples(self) -> bool:
+        """It does."""
+        return True
+
     def to_data(self) -> dict[str, Any]:
         """The table `ppo`."""
         return {"ppo": dataclasses.asdict(self.config)}
 
-    def learner(self, make_env: MakeEnv, seed: int) -> Learner:
-        """The algorithm on `n_envs` environments."""
+    def learner(self, make_env: MakeEnv, seed: int, mirror: RobotMirror | None = None) -> Learner:
+        """The algorithm on `n_envs` environments; in a `mirror`, on the images of its samples, too."""
         from coachable.learning.environment_ppo import Learner as EnvironmentLearner
 
-        return EnvironmentLearner(make_env, self.config, seed)
+        return EnvironmentLearner(make_env, self.config, seed, mirror)

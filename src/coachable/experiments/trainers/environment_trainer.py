@@ -28,7 +28,7 @@ class EnvironmentTrainer(Trainer):
 
     @abc.abstractmethod
     def learner(self, make_env: MakeEnv, seed: int) -> Learner:
-        """A lane before its first step.
+        """A lane before its first step; where it `mirrors_samples`, it may be given `mirror` as well.
 
         **Raises:** `PlanError` for spaces or settings that the algorithm cannot work with.
         """

@@ -27,7 +27,7 @@ from coachable.experiments.run_folder.checkpoint import load_arrays, save_arrays
 from coachable.experiments.run_folder.schemas import DIAGNOSTICS
 from coachable.experiments.trainers.compiled import Tasks
 from coachable.experiments.trainers.lane_processes import Progress, Report
-from coachable.experiments.trainers.trainer import Learner, MakeEnv
+from coachable.experiments.trainers.trainer import Learner
 from coachable.foundation.errors import RunFolderError
 from coachable.learning.policy import Policy
 
@@ -44,8 +44,8 @@ class LaneWork:
     """One lane of an experiment, to be trained in a process of its own: a value that can be sent to it."""
 
     experiment: Experiment
-    make_learner: Callable[[MakeEnv, int], Learner]
-    """From what makes the lane's environment, and its seed."""
+    make_learner: Callable[..., Learner]
+    """From what makes the lane's environment, and its seed; and `mirror`, where samples are mirrored."""
     lane: Lane
     path: Path
     """Its checkpoint, and in the end all that came of it."""
@@ -71,8 +71,11 @@ class LaneWork:
         setup = experiment.setup(self.lane.setup)
         make = partial(experiment.problem.training_environment, setup, experiment.evaluate_every)
         measure = assessment(experiment, self.lane)
+        mirror = experiment.problem.sample_mirror(setup)
         learner = self.make_learner(
-            lambda: EpisodeLog(make(), episodes.ended, measure.sums_of, measure.fell_key), self.lane.seed
+            lambda: EpisodeLog(make(), episodes.ended, measure.sums_of, measure.fell_key),
+            self.lane.seed,
+            **({} if mirror is None else {"mirror": mirror}),
         )
         due = [step for steps in evaluation_steps(experiment).values() for step in steps]
         with _tracked(self.track) as note:

@@ -100,6 +100,11 @@ class Trainer(abc.ABC):
         """Whether lanes are trained and evaluated by compiled programs, and not in Gymnasium environments."""
         return False
 
+    @property
+    def mirrors_samples(self) -> bool:
+        """Whether it also learns from mirror images of samples, where a setup says `mirror = "samples"`."""
+        return False
+
     @abc.abstractmethod
     def cannot_train(self, problem: Problem) -> str:
         """Why it cannot train a problem, in a sentence; empty if it can."""
