@@ -120,14 +120,13 @@ def test_a_joint_is_read_with_its_sign_and_alone(robots, name, signal, joint, si
     changed = {key for key in rest if abs(bent[key] - rest[key]) > 1e-9}
     side = signal.split("_")[0] if "_" in signal else ""
     assert signal in changed
-    below = ("foot", "shank", "sole")
+    below = ("foot", "shank", "sole", "leg")
     assert changed <= {signal} | {
         key for key in rest if key.startswith(side) and any(w in key for w in below)
     }
     moving = robot.put(velocities={joint: sign * 0.7})
-    assert {key: value for key, value in moving.items() if value != rest[key]} == {
-        f"{signal}_velocity": pytest.approx(0.7)
-    }
+    alone = {key: value for key, value in moving.items() if value != rest[key] and "leg" not in key}
+    assert alone == {f"{signal}_velocity": pytest.approx(0.7)}
 
 
 @pytest.mark.parametrize(("side", "inwards"), [("left", -1), ("right", +1)])
@@ -221,6 +220,19 @@ def test_a_foot_is_where_the_leg_puts_it(robots, name, prefix, hip, sign, ahead,
         assert rest[f"{prefix}foot_height"] == pytest.approx(UP + height)
     higher = robot.put(up=UP + 0.3)[f"{prefix}foot_height"]
     assert higher - rest[f"{prefix}foot_height"] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("name", "prefix", "hip"), [each[:3] for each in FEET if each[0] in ("Walker2d-v5", "Hopper-v5")]
+)
+def test_the_line_from_hip_to_foot_turns_with_the_hip_and_against_the_torso(robots, name, prefix, hip):
+    robot, leg = robots[name], f"{prefix}leg"
+    rest = robot.put()
+    assert rest[leg] == pytest.approx(math.atan2(rest[f"{prefix}foot_x"], 0.95), abs=1e-3)
+    assert robot.put(**{hip: 0.4})[leg] == pytest.approx(rest[leg] + 0.4)
+    assert robot.put(rooty=0.3)[leg] == pytest.approx(rest[leg] - 0.3)
+    assert robot.put(velocities={hip: 0.7})[f"{leg}_velocity"] == pytest.approx(0.7)
+    assert robot.put(velocities={"rooty": 0.7})[f"{leg}_velocity"] == pytest.approx(-0.7)
 
 
 @pytest.mark.parametrize(("leg", "ahead", "aside"), [(leg, x, y) for leg, *_, x, y in ANT_LEGS])
@@ -390,7 +402,9 @@ def test_every_signal_is_poked_above(name):
     poked = hinges | {f"{signal}_velocity" for signal in hinges}
     poked |= {f"{prefix}foot_{what}" for prefix in feet for what in ("x", "height", "contact")}
     if name in ("Walker2d-v5", "Hopper-v5"):
-        poked |= {f"{prefix}{what}" for prefix in feet for what in ("shank", "sole", "load")}
+        poked |= {
+            f"{prefix}{what}" for prefix in feet for what in ("shank", "sole", "load", "leg", "leg_velocity")
+        }
     if name == "Ant-v5":
         feet = {f"{leg}_" for leg, *_ in ANT_LEGS}
         poked |= {f"{prefix}foot_{what}" for prefix in feet for what in ("x", "height", "contact")}

@@ -19,6 +19,8 @@ from coachable.envs.signals.mujoco_probes import (
     joint_angle,
     joint_velocity,
     lean,
+    leg_angle,
+    leg_angle_velocity,
     motor_power,
     pitch,
     roll,
@@ -85,6 +87,17 @@ def _leg(prefix: str, suffix: str) -> tuple[Probe, ...]:
             prefix,
             f"foot{suffix}_geom",
             foot_from_hip(f"foot{suffix}_geom", f"thigh{suffix}_joint", X),
+        ),
+        *angle(
+            f"{prefix}leg",
+            "of the line from hip to middle of the foot, from upright; positive while the foot is ahead",
+            leg_angle(f"foot{suffix}_geom", f"thigh{suffix}_joint"),
+            leg_angle_velocity(
+                f"foot{suffix}_geom",
+                f"thigh{suffix}_joint",
+                f"leg{suffix}_joint",
+                f"foot{suffix}_joint",
+            ),
         ),
         probe(
             f"{prefix}load",

@@ -239,6 +239,47 @@ def foot_from_hip(foot: str, hip: str, axis: int) -> ReadingOf:
     return of
 
 
+def leg_angle(foot: str, hip: str) -> ReadingOf:
+    """Of the line from a hip joint to the middle of a foot, in a plane, from upright; forward is positive."""
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        x, z = (foot_from_hip(foot, hip, axis)(simulation) for axis in (X, Z))
+        return lambda: math.atan2(x(), -z())
+
+    return of
+
+
+def leg_angle_velocity(foot: str, hip: str, *others: str) -> ReadingOf:
+    """Its derivative, from the velocities of the torso's hinge and of those on the way from hip to foot.
+
+    A hinge with the axis (0, s, 0) and the rate q̇ moves a foot that is r from it by q̇ s (r_z, −r_x); the
+    torso's moves the hip, too, so it counts as if it were there.
+    """
+
+    def of(simulation: MujocoSimulation) -> Reading:
+        model, now, qvel = simulation.model, simulation.now, simulation.data.qvel
+        foot_at, hip_at = now.geom_xpos[model.geom(foot).id], now.xanchor[model.joint(hip).id]
+        hinges = []
+        for name in ("rooty", hip, *others):
+            joint = model.joint(name)
+            anchor = hip_at if name == "rooty" else now.xanchor[joint.id]
+            hinges.append((partial(qvel.item, int(joint.dofadr[0])), now.xaxis[joint.id], anchor))
+
+        def reading() -> float:
+            foot_x, foot_z = foot_at.item(X), foot_at.item(Z)
+            x, z = foot_x - hip_at.item(X), foot_z - hip_at.item(Z)
+            x_rate = z_rate = 0.0
+            for rate, axis, anchor in hinges:
+                turning = rate() * axis.item(Y)
+                x_rate += turning * (foot_z - anchor.item(Z))
+                z_rate -= turning * (foot_x - anchor.item(X))
+            return (x * z_rate - z * x_rate) / (x * x + z * z)
+
+        return reading
+
+    return of
+
+
 def foot_as_torso_heads(foot: str, hip: str, axis: int) -> ReadingOf:
     """The same ahead (x) or to the left (y) as the torso heads, for a robot that can turn."""
 
