@@ -93,6 +93,9 @@ class Twins:
             np.testing.assert_equal(ours.infos[index], info)
             assert ours.terminated[index] == terminated
             np.testing.assert_array_equal(self.read[env](env), self.read[alone](alone))
+            # What signals of one's own may read, too.
+            felt, felt_alone = env.unwrapped.data.cfrc_ext, alone.unwrapped.data.cfrc_ext
+            np.testing.assert_array_equal(felt, felt_alone)
         return ours.terminated
 
 

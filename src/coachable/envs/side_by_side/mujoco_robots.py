@@ -50,9 +50,11 @@ class Robots(abc.ABC):
     def step(self, actions: Float[np.ndarray, "robots controls"]) -> RobotSteps:
         """One control step of every robot. **Arguments:** `actions`, what its motors are told, a row each."""
         mj_step, frame_skip, before = self._mj_step, self._frame_skip, self._places()
+        feel_forces = self._feel_forces  # for whoever reads them, as Gymnasium's step does
         for index, (model, data, ctrl, qpos, qvel) in enumerate(self._robots):
             ctrl[:] = actions[index]
             mj_step(model, data, frame_skip)
+            feel_forces(model, data)
             self._qpos[index], self._qvel[index] = qpos, qvel
         first, velocities = self._first, (self._places() - before) / self._dt
         forward = first._forward_reward_weight * velocities[0]
@@ -136,10 +138,7 @@ class Hoppers(Walker2ds):
 
 
 class FreeRobots(Robots):
-    """Robots that move in space, and pay for how hard they touch things.
-
-    Contact forces, which only these robots are told, are worked out after MuJoCo's last small step.
-    """
+    """Robots that move in space, and pay for how hard they touch things."""
 
     def _steps(self, velocities: np.ndarray, forward: np.ndarray, effort: np.ndarray) -> RobotSteps:
         first, healthy, forces = self._first, self._healthy(), self._forces()
@@ -166,8 +165,6 @@ class FreeRobots(Robots):
 
     def _forces(self) -> np.ndarray:
         """What contacts do to bodies: six numbers for each, first those of the world."""
-        for model, data, *_ in self._robots:
-            self._feel_forces(model, data)
         return self._all("cfrc_ext")
 
     def _touch(self, forces: np.ndarray) -> np.ndarray:
