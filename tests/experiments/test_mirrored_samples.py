@@ -8,29 +8,20 @@ import pytest
 from coachable.behaviours.text.parser import parse
 from coachable.envs.problem import EnvironmentProblem
 from coachable.envs.symmetry.derived import RobotMirror
-from coachable.envs.symmetry.named_mirror import NamedImage, NamedMirror
 from coachable.experiments.plan import parse_plan
 from coachable.experiments.trainers import process_lane
 from coachable.foundation.errors import ParameterError, PlanError
 from coachable.rewards.setup import DescribedSetup
-from tests.envs.symmetry.rower import ROWING
+from tests.envs.symmetry.rower import MIRROR, ROBOT, ROWING, TABLES
 from tests.experiments.test_environment_ppo import trained
 
-ROBOT = "tests.envs.symmetry.rower:Rower-v0"
-MIRROR = NamedMirror(NamedImage(swap=((1, 2),), flip=(0,)), NamedImage(swap=((0, 1),)))
 PLAN = f"""
 env = "{ROBOT}"
 behaviour = "rowing.behaviour"
 steps = 320
 evaluate_every = 320
 evaluation_episodes = 1
-[signals]
-left_oar = 1
-right_oar = 2
-[mirror]
-observation = {{ swap = [[1, 2]], flip = [0] }}
-action = {{ swap = [[0, 1]] }}
-[setups.samples]
+{TABLES}[setups.samples]
 reward_variant = "schedule"
 observe = "memory"
 mirror = "samples"

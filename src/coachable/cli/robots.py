@@ -36,6 +36,7 @@ def symmetry(
         coachable symmetry Humanoid-v5 --json
         coachable symmetry mine.toml
     """
+    from contextlib import closing
     from pathlib import Path
 
     from gymnasium.spaces import flatdim
@@ -56,7 +57,8 @@ def symmetry(
         described = load_behaviour(behaviour)
     robot = bare_environment(env, options)
     if named is not None:
-        mirror = named.of(flatdim(robot.observation_space), robot)
+        with closing(robot):
+            mirror = named.of(flatdim(robot.observation_space), robot)
         if json:
             print_json({"environment": env, **_map(mirror)})
         else:

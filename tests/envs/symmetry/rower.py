@@ -3,6 +3,18 @@
 import gymnasium
 import numpy as np
 
+from coachable.envs.symmetry.named_mirror import NamedImage, NamedMirror
+
+ROBOT = "tests.envs.symmetry.rower:Rower-v0"
+MIRROR = NamedMirror(NamedImage(swap=((1, 2),), flip=(0,)), NamedImage(swap=((0, 1),)))
+TABLES = """
+[signals]
+left_oar = 1
+right_oar = 2
+[mirror]
+observation = { swap = [[1, 2]], flip = [0] }
+action = { swap = [[0, 1]] }
+"""
 ROWING = """
 behaviour "rowing"
 

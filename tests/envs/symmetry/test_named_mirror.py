@@ -18,10 +18,8 @@ from coachable.experiments.runner import run_experiment
 from coachable.experiments.trainers import environment_trainer
 from coachable.foundation.errors import ParameterError, PlanError, RunFolderError
 from coachable.rewards.setup import DescribedSetup
-from tests.envs.symmetry.rower import ROWING
+from tests.envs.symmetry.rower import MIRROR, ROBOT, ROWING, TABLES
 
-ROBOT = "tests.envs.symmetry.rower:Rower-v0"
-MIRROR = NamedMirror(NamedImage(swap=((1, 2),), flip=(0,)), NamedImage(swap=((0, 1),)))
 LEGS = NamedMirror(
     NamedImage(swap=tuple((place, place + 5) for place in range(4, 9))), NamedImage(swap=((0, 2), (1, 3)))
 )
@@ -31,13 +29,7 @@ behaviour = "rowing.behaviour"
 steps = 64
 evaluate_every = 64
 evaluation_episodes = 1
-[signals]
-left_oar = 1
-right_oar = 2
-[mirror]
-observation = {{ swap = [[1, 2]], flip = [0] }}
-action = {{ swap = [[0, 1]] }}
-[setups.rows]
+{TABLES}[setups.rows]
 reward_variant = "schedule"
 [ppo]
 n_envs = 1
